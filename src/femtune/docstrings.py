@@ -27,11 +27,11 @@ def attribute_docstrings(owner: type) -> dict[str, str]:
 
 @cache
 def _own(owner: type) -> tuple[tuple[str, str], ...]:
-    found = []
+    lines = []
     (definition,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
     assert isinstance(definition, ast.ClassDef)
     for field, text in itertools.pairwise(definition.body):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(text, ast.Expr):
             assert isinstance(text.value, ast.Constant)
-            found.append((field.target.id, inspect.cleandoc(str(text.value.value))))
-    return tuple(found)
+            lines.append((field.target.id, inspect.cleandoc(str(text.value.value))))
+    return tuple(lines)

@@ -127,7 +127,7 @@ def meanings(text: str) -> list[UnitLabel]:
     if says_nothing(plain):
         return []
     parsed = [_Parser(plain, *way).whole() for way in ((True, False), (False, False), (True, True), (False, True))]
-    return [UnitLabel(text.strip(), *found) for found in dict.fromkeys(parsed) if found is not None]
+    return [UnitLabel(text.strip(), *label) for label in dict.fromkeys(parsed) if label is not None]
 
 
 def frequency_factor(text: str) -> float | None:
@@ -140,17 +140,17 @@ def frequency_factor(text: str) -> float | None:
     (0.159155, 1.0)
     """
     plain = text.strip().strip("[]").lower()
-    found = unit_label(text)
-    if found is None or found.dimension != _RATE:
+    label = unit_label(text)
+    if label is None or label.dimension != _RATE:
         return None
     angular = "rad" in plain or "deg" in plain or "°" in plain
-    return found.factor / (2.0 * math.pi) if angular else found.factor
+    return label.factor / (2.0 * math.pi) if angular else label.factor
 
 
 def time_factor(text: str) -> float | None:
     """Seconds in one unit of a time axis, None for a label that is no unit of time."""
-    found = unit_label(text)
-    return found.factor if found is not None and found.dimension == _TIME else None
+    label = unit_label(text)
+    return label.factor if label is not None and label.dimension == _TIME else None
 
 
 class _Parser:
@@ -166,8 +166,8 @@ class _Parser:
         self.text, self.joined, self.gram, self.position = text, joined, gram, 0
 
     def whole(self) -> tuple[float, Dimension] | None:
-        found = self._product(0)
-        return found if found is not None and self.position == len(self.text.rstrip()) else None
+        product = self._product(0)
+        return product if product is not None and self.position == len(self.text.rstrip()) else None
 
     def _product(self, depth: int) -> tuple[float, Dimension] | None:
         factor, dimension, sign, first, operator = 1.0, _NONE, 1, True, False

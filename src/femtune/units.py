@@ -92,8 +92,8 @@ def unit_system(name: str) -> UnitSystem:
     parts = name.split("-")
     if len(parts) == 3 and parts[0] in _LENGTHS and parts[1] in _MASSES and parts[2] == "s":
         return UnitSystem(name, _LENGTHS[parts[0]], _MASSES[parts[1]])
-    if (found := _by_force(name)) is not None:
-        return found
+    if (system := _by_force(name)) is not None:
+        return system
     known = [f"{length}-{mass}-s" for length in _LENGTHS for mass in _MASSES]
     raise FemtuneError(
         "units.unknown",

@@ -141,6 +141,7 @@ def test_a_wrong_mass_is_told_and_a_right_model_is_not_accused(bench: Bench, mas
     results = ft.run(study(bench)).results
     codes = {a.code for a in results.alerts}
     assert ("update.raw-misfit" in codes) is not right
+    assert not (right and "update.raw-moved" in codes)
     assert "update.misfit" not in codes
     assert results.judgement is not None
     assert "judge.misfit" not in {reason.code for reason in results.judgement.reasons}

@@ -66,23 +66,23 @@ def exchanged_sensors(shapes: Shapes, leave: Collection[int] = ()) -> list[tuple
     if not _FEWEST_SENSORS <= len(rows) <= _MOST_SENSORS or shapes.paired.sum() < 2:
         return []
     test, model = _unit(shapes.test[rows]), _unit(shapes.model[rows])
-    found: list[tuple[int, int]] = []
+    exchanges: list[tuple[int, int]] = []
     before = best = _best_macs(test.conj().T @ model, shapes.allowed)
     proven = 0
-    while len(found) < _MOST_SWAPS and np.mean(1.0 - best[shapes.paired]) >= _LEAST_MISFIT:
+    while len(exchanges) < _MOST_SWAPS and np.mean(1.0 - best[shapes.paired]) >= _LEAST_MISFIT:
         a, b = _best_swap(test, model, shapes.allowed)
         test[[a, b]] = test[[b, a]]
         after = _best_macs(test.conj().T @ model, shapes.allowed)
         counted = shapes.paired | (after >= _GOOD_MAC)
         if (1.0 - after)[counted].sum() > (1.0 - _LEAST_PART) * (1.0 - best)[counted].sum():
             break
-        found.append((int(rows[a]), int(rows[b])))
+        exchanges.append((int(rows[a]), int(rows[b])))
         first, left = (float((1.0 - macs)[counted].sum()) for macs in (before, after))
         entries = len(rows) * int(counted.sum())
-        if left <= _EXPLAINED ** len(found) * first and (first - left) * entries >= _LEAST_RATIO * left:
-            proven = len(found)
+        if left <= _EXPLAINED ** len(exchanges) * first and (first - left) * entries >= _LEAST_RATIO * left:
+            proven = len(exchanges)
         best = after
-    return found[:proven]
+    return exchanges[:proven]
 
 
 def _unit(shapes: NDArray) -> NDArray:
@@ -108,8 +108,8 @@ def _best_swap(test: NDArray, model: Reals, allowed: NDArray[np.bool_]) -> tuple
 
 def exchange_notices(dofs: DofSet, shapes: Shapes, leave: Collection[int]) -> tuple[Notice, ...]:
     """A notice that names exchanged sensors."""
-    found = exchanged_sensors(shapes, leave)
-    if not found:
+    exchanges = exchanged_sensors(shapes, leave)
+    if not exchanges:
         return ()
-    named = " and ".join(f"{dofs[a]} with {dofs[b]}" for a, b in found)
+    named = " and ".join(f"{dofs[a]} with {dofs[b]}" for a, b in exchanges)
     return (Notice("correlate.sensors-exchanged", modes=int(shapes.paired.sum()), sensors=named),)

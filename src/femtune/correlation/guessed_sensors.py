@@ -87,11 +87,11 @@ def guess_sensors(
     """
     if not len(numbers):
         return GuessedSensors("the test has none, for it has frequencies without shapes", found=False)
-    found = _Placed(structure, numbers, points, asked or AskedSensors())
-    if found.asked.by_id:
-        return found.by_number_asked()
-    ways = (found.without_places, found.as_they_are, found.moved, found.with_tolerance)
-    return next((one for way in ways if (one := way()) is not None), found.nowhere())
+    placed = _Placed(structure, numbers, points, asked or AskedSensors())
+    if placed.asked.by_id:
+        return placed.by_number_asked()
+    ways = (placed.without_places, placed.as_they_are, placed.moved, placed.with_tolerance)
+    return next((one for way in ways if (one := way()) is not None), placed.nowhere())
 
 
 class _Placed:
@@ -159,17 +159,17 @@ class _Placed:
         if self.asked.origin is not None:
             factors = [1.0]
         points, rows = self.points[self.known], self.rows[self.known]
-        found = register(points, self.nodes.xyz, factors=factors, pairs=rows)
+        registration = register(points, self.nodes.xyz, factors=factors, pairs=rows)
         if self.asked.origin is not None:
-            found = tuple(one for one in found if one.is_unchanged)
-        if not found or (found[0].is_unchanged and self._own(_LOOSE) is not None):
+            registration = tuple(one for one in registration if one.is_unchanged)
+        if not registration or (registration[0].is_unchanged and self._own(_LOOSE) is not None):
             return None
-        agree = [np.mean((one.grids == rows)[one.grids >= 0]) for one in found]
+        agree = [np.mean((one.grids == rows)[one.grids >= 0]) for one in registration]
         by_number = max(agree) >= _AGREE and sum(a >= _AGREE for a in agree) == 1
         if by_number:
-            found = (found[int(np.argmax(agree))],)
-        first, *others = (self._with_motion(one, by_number) for one in found)
-        return replace(first, others=tuple(others), several=self._several(found))
+            registration = (registration[int(np.argmax(agree))],)
+        first, *others = (self._with_motion(one, by_number) for one in registration)
+        return replace(first, others=tuple(others), several=self._several(registration))
 
     def _several(self, found: tuple[Motion, ...]) -> str:
         if len(found) == 1:

@@ -84,19 +84,19 @@ def other_orders(test_hz: Reals, model_hz: Reals, partners: Mapping[int, int], r
     """Orders in which a mode of the model, or of the test, has no partner; the modes above it move by one."""
     ascending = sorted(partners, key=lambda i: (partners[i], i))
     models = [partners[i] for i in ascending]
-    found = []
+    orders = []
     for k, j in enumerate(models):
         free = np.setdiff1d(np.arange(rigid, len(model_hz)), models[: k + 1])
         above = free[free > j][: len(models) - k]
         if len(above) == len(models) - k >= _LEAST_SHIFTED:
             new = dict(zip(ascending, [*models[:k], *above.tolist()]))
-            found.append(OtherOrder(new, (j,), True, scatter(test_hz, model_hz, new)))
+            orders.append(OtherOrder(new, (j,), True, scatter(test_hz, model_hz, new)))
     # of a free structure several of the first test modes may be those of the suspension
     for first, end in [*((k, k + 1) for k in range(len(ascending))), *((0, n) for n in range(2, rigid + 1))]:
         if len(models) - end >= _LEAST_SHIFTED:
             new = dict(zip([*ascending[:first], *ascending[end:]], models))
-            found.append(OtherOrder(new, tuple(ascending[first:end]), False, scatter(test_hz, model_hz, new)))
-    return sorted(found, key=lambda one: one.scatter)
+            orders.append(OtherOrder(new, tuple(ascending[first:end]), False, scatter(test_hz, model_hz, new)))
+    return sorted(orders, key=lambda one: one.scatter)
 
 
 def scatter(test_hz: Reals, model_hz: Reals, partners: Mapping[int, int]) -> float:

@@ -516,8 +516,8 @@ def _members(
         if i in fixed:
             gain[group.index(fixed[i]), k] += 1000.0
     members, columns = linear_sum_assignment(gain, maximize=True)
-    found = {int(k): group[j] for j, k in zip(members, columns)}
-    return tuple(found[k] for k in range(len(mine)))
+    of_column = {int(k): group[j] for j, k in zip(members, columns)}
+    return tuple(of_column[k] for k in range(len(mine)))
 
 
 def _worst(test: ModeSet, matches: Sequence[ClusterMatch], fixed: Chosen) -> tuple[float, int, list[int]]:
@@ -552,7 +552,7 @@ def _pairs(
     }
     pairs = []
     for i, j in sorted(chosen.items()):
-        own = float(plain[i, j])
-        cluster, value = rotated.get(i, (None, own))
-        pairs.append(Pair(i, j, value, own, float(found.frequency_error[i, j]), i in fixed, cluster))
+        plain_mac = float(plain[i, j])
+        cluster, value = rotated.get(i, (None, plain_mac))
+        pairs.append(Pair(i, j, value, plain_mac, float(found.frequency_error[i, j]), i in fixed, cluster))
     return tuple(pairs)

@@ -146,9 +146,9 @@ def register(
         search = _Search(factor * different, mesh, by_number, np.random.default_rng(seed))
         if not search.is_possible:
             continue
-        found = [replace(one, factor=factor) for one in search.motions()]
-        every += found
-        if found and search.covers and np.mean(found[0].grids >= 0) >= 1.0 - _NO_PARTNER:
+        motions = [replace(one, factor=factor) for one in search.motions()]
+        every += motions
+        if motions and search.covers and np.mean(motions[0].grids >= 0) >= 1.0 - _NO_PARTNER:
             break
     best = max((one.fit + _MODEL_AXES * (one.factor == 1.0) for one in every), default=0.0)
     near = (one for one in every if one.fit + _MODEL_AXES * (one.factor == 1.0) > best - MARGIN)
@@ -272,24 +272,24 @@ class _Search:
     def motions(self) -> tuple[Motion, ...]:
         """The best motion and those that are nearly as good; () if none puts most points onto the mesh."""
         proposals = [_Batch(np.eye(3)[None], np.zeros((1, 3))), *self._simple(), *self._by_number()]
-        found: list[Motion] = []
+        motions: list[Motion] = []
         triples = self._proposed()
         for _ in range(_ROUNDS):
             proposals += [self._preselected(one) for one in itertools.islice(triples, _TRIPLES)]
             settled = self._refined(self._walked(self._best(_joined(proposals), _FINALISTS)))
-            found = self._distinct(settled)
-            if np.mean(found[0].grids >= 0) >= 1.0 - _NO_PARTNER:
+            motions = self._distinct(settled)
+            if np.mean(motions[0].grids >= 0) >= 1.0 - _NO_PARTNER:
                 break
-            proposals = [_stack(found)]
+            proposals = [_stack(motions)]
         for _ in range(_ROUNDS):
-            before = _best_of_each_hand(found)
+            before = _best_of_each_hand(motions)
             steps = self._refined(_joined([self._one_step(one) for one in before]))
-            found = self._distinct(_joined([_stack(found), steps]))
-            if all(new.fit <= old.fit + 1e-6 for new, old in zip(_best_of_each_hand(found), before)):
+            motions = self._distinct(_joined([_stack(motions), steps]))
+            if all(new.fit <= old.fit + 1e-6 for new, old in zip(_best_of_each_hand(motions), before)):
                 break
-        found = [self._simplified(one) for one in found]
+        motions = [self._simplified(one) for one in motions]
         as_they_are = self._motion(np.eye(3), np.zeros(3))
-        return _ranked(as_they_are, [one for one in found if self._holds(one)], self._holds(as_they_are))
+        return _ranked(as_they_are, [one for one in motions if self._holds(one)], self._holds(as_they_are))
 
     # ---------------------------------------------------------------- proposals
 
@@ -323,15 +323,15 @@ class _Search:
             a = self._long_triple()
             pairs = self._some(np.argwhere(np.abs(between - np.linalg.norm(a[0] - a[1])) <= slack), _MOST_PAIRS)
             if self.on_line:
-                found = [*self._of_pairs(a, mesh[pairs])] if len(pairs) else []
+                proposed = [*self._of_pairs(a, mesh[pairs])] if len(pairs) else []
             else:
                 third = np.abs(between[pairs[:, 0]] - np.linalg.norm(a[0] - a[2])) <= slack
                 third &= np.abs(between[pairs[:, 1]] - np.linalg.norm(a[1] - a[2])) <= slack
                 rows, k = np.nonzero(third)
                 hits = self._some(np.column_stack([pairs[rows], k]), _MOST_HYPOTHESES)
-                found = [*self._of_triples(np.broadcast_to(a, (len(hits), 3, 3)), mesh[hits])] if len(hits) else []
-            if found:
-                yield _joined(found)
+                proposed = [*self._of_triples(np.broadcast_to(a, (len(hits), 3, 3)), mesh[hits])] if len(hits) else []
+            if proposed:
+                yield _joined(proposed)
 
     def _long_triple(self) -> Reals:
         """Three of a few points at random that are far apart; two for points on a line.
@@ -458,13 +458,21 @@ class _Search:
         centre = moved[one.grids >= 0].mean(axis=0) if (one.grids >= 0).any() else moved.mean(axis=0)
         axes = np.linalg.svd(moved - centre, full_matrices=True)[2]
         halves = np.array([2.0 * np.outer(a, a) - np.eye(3) for a in (*axes, *np.eye(3))])
-        own = self.mesh.symmetries
+        symmetries = self.mesh.symmetries
         return _Batch(
             np.concatenate(
-                [np.broadcast_to(one.rotation, (len(shifts), 3, 3)), halves @ one.rotation, own.rotation @ one.rotation]
+                [
+                    np.broadcast_to(one.rotation, (len(shifts), 3, 3)),
+                    halves @ one.rotation,
+                    symmetries.rotation @ one.rotation,
+                ]
             ),
             np.concatenate(
-                [one.origin + shifts, halves @ (one.origin - centre) + centre, own.rotation @ one.origin + own.origin]
+                [
+                    one.origin + shifts,
+                    halves @ (one.origin - centre) + centre,
+                    symmetries.rotation @ one.origin + symmetries.origin,
+                ]
             ),
         )
 
@@ -512,9 +520,9 @@ class _Search:
 
     def _holds(self, one: Motion) -> bool:
         """Whether most points have a grid point of their own: all of four, and 70 % of more."""
-        found = int((one.grids >= 0).sum())
+        placed = int((one.grids >= 0).sum())
         n = len(self.points)
-        return found >= min(n, max(4, int(np.ceil(_LEAST_SHARE * n))))
+        return placed >= min(n, max(4, int(np.ceil(_LEAST_SHARE * n))))
 
 
 def _ranked(as_they_are: Motion, found: Sequence[Motion], holds: bool) -> tuple[Motion, ...]:

@@ -481,8 +481,8 @@ def _scaled(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Reque
     distance, most points of the test share one, and the extents are in that ratio.
     """
     place = {(s.label.node, s.label.direction): s.position for s in sensors}
-    found = {m.label.node: (place[m.label.node, m.label.direction], m) for m in matches if m.node is not None}
-    pairs = [(p, m) for p, m in found.values() if np.isfinite(p).all() and request.nodes.has_grid(m.node or 0)]
+    measured_at = {m.label.node: (place[m.label.node, m.label.direction], m) for m in matches if m.node is not None}
+    pairs = [(p, m) for p, m in measured_at.values() if np.isfinite(p).all() and request.nodes.has_grid(m.node or 0)]
     if len(pairs) < _LEAST_PLACES:
         return ()
     points = np.array([p for p, _ in pairs])

@@ -48,25 +48,25 @@ def with_suspension(test: ModeSet, model: ModeSet, pairing: Pairing, rigid: int)
     lowest = float(model.freq_hz[elastic].min())
     motions = model.shapes[:, bodies]
     shares = projection(motions, test.shapes[:, [u.test for u in free]])
-    found = {
+    rigid_share = {
         u.test: float(share)
         for u, share in zip(free, shares)
         if share >= RIGID_SHARE and test.freq_hz[u.test] < lowest
     }  # fmt: skip
-    if not found:
+    if not rigid_share:
         return pairing
     problem = _cannot_tell(test, model, motions, elastic[model.freq_hz[elastic] <= _NEAR * lowest])
     if problem:
-        possible = [i for i in found if test.freq_hz[i] <= _SOFT * lowest]
+        possible = [i for i in rigid_share if test.freq_hz[i] <= _SOFT * lowest]
         told = (Notice("correlate.suspension/unclear", modes=_named(test, possible), problem=problem),)
         return replace(pairing, notices=(*pairing.notices, *(told if possible else ())))
     facts: dict[str, Any] = {
-        "modes": _named(test, list(found)),
-        "percent": 100.0 * min(found.values()),
+        "modes": _named(test, list(rigid_share)),
+        "percent": 100.0 * min(rigid_share.values()),
         "lowest": lowest,
     }
     notice = Notice("correlate.suspension", level="info", **facts)
-    unpaired = tuple(_marked(u, found) for u in pairing.unpaired_test)
+    unpaired = tuple(_marked(u, rigid_share) for u in pairing.unpaired_test)
     return replace(pairing, unpaired_test=unpaired, notices=(*pairing.notices, notice))
 
 

@@ -85,13 +85,13 @@ def _disjoint_lines(dimension: int) -> tuple[tuple[int, int, int], ...]:
         # the line through the lowest free point, or that point stays without a line
         rest = [line for line in lines if used.isdisjoint(line) and (not chosen or line > chosen[-1])]
         for line in rest:
-            found = extended([*chosen, line], used | set(line))
-            if found:
-                return found
+            longer = extended([*chosen, line], used | set(line))
+            if longer:
+                return longer
         return None
 
-    found = extended([], set()) or []
-    return tuple((line[0], line[1], line[2]) for line in found)
+    chosen_lines = extended([], set()) or []
+    return tuple((line[0], line[1], line[2]) for line in chosen_lines)
 
 
 def _of_four_levels(dimension: int, fours: int) -> Integers:
@@ -178,9 +178,9 @@ def _difference_matrix(order: int) -> Integers:
         for i, row in enumerate(allowed):
             left = (allowed[i + 1 :] - row) % 3
             fits = ((left == 0).sum(axis=1) == part) & ((left == 1).sum(axis=1) == part)
-            found = extended([*chosen, row], allowed[i + 1 :][fits])
-            if found:
-                return found
+            longer = extended([*chosen, row], allowed[i + 1 :][fits])
+            if longer:
+                return longer
         return None
 
     return np.array(extended([np.zeros(order, dtype=int)], np.array(rows, dtype=int)), dtype=int)

@@ -54,10 +54,10 @@ def orthogonal_design(counts: list[int], name: str | None = None) -> Design:
         array, columns = smallest_array(counts)
         return by_levels(array.name, array.levels[:, columns])
     array = orthogonal_array(name)
-    found = columns_for(array, counts)
-    if found is None:
+    fitting_columns = columns_for(array, counts)
+    if fitting_columns is None:
         raise FemtuneError("design.columns", name=name, structure=array.structure, counts=", ".join(map(str, counts)))
-    return by_levels(name, array.levels[:, found])
+    return by_levels(name, array.levels[:, fitting_columns])
 
 
 def full_factorial(counts: list[int]) -> Design:

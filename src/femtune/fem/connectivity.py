@@ -197,7 +197,7 @@ def far_ends(structure: Structure) -> list[tuple[str, int, int, int, float]]:
     limit = max(
         _FAR_IN_EDGES * float(np.median(lengths)), _FAR_IN_MODEL * float(np.linalg.norm(np.ptp(nodes.xyz, axis=0)))
     )
-    found = []
+    far = []
     for batch in structure.batches:
         if batch.card in _SPRINGS:
             ends = batch.nodes[:, :2]
@@ -207,8 +207,8 @@ def far_ends(structure: Structure) -> list[tuple[str, int, int, int, float]]:
             for i in np.flatnonzero(between & (distance > limit)).tolist():
                 if not _is_strut(structure, batch, i, line[i] / distance[i]):
                     one, other = ends[i].tolist()
-                    found.append((batch.card, int(batch.ids[i]), one, other, float(distance[i])))
-    return sorted(found, key=lambda one: -one[4])
+                    far.append((batch.card, int(batch.ids[i]), one, other, float(distance[i])))
+    return sorted(far, key=lambda one: -one[4])
 
 
 def _edges(structure: Structure, batch: ElementBatch) -> Reals:

@@ -144,8 +144,8 @@ def rigid_body_rows(
 
 def component_dofs(nodes: NodeTable, listed: Components, where: Where) -> NDArray[np.int64]:
     """g-set DOFs of grid points with their components, in their order."""
-    found = [6 * nodes.position(n, where) + c - 1 for n, components in listed for c in sorted(components)]
-    return np.array(found, dtype=np.int64)
+    dofs = [6 * nodes.position(n, where) + c - 1 for n, components in listed for c in sorted(components)]
+    return np.array(dofs, dtype=np.int64)
 
 
 def motion_of(nodes: NodeTable, dofs: NDArray[np.int64], start: NDArray[np.int64]) -> Reals:

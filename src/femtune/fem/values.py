@@ -201,7 +201,9 @@ class ValueTable:
         moved = [{old: first + size * k + j for j, old in enumerate(parts)} for k in range(len(regions))]
         refs = tuple(replace(self.refs[old], region=region) for region in regions for old in parts)
         derived = tuple(
-            Derived(own[d.target], d.function, tuple(own.get(s, s) for s in d.sources)) for own in moved for d in rules
+            Derived(targets[d.target], d.function, tuple(targets.get(s, s) for s in d.sources))
+            for targets in moved
+            for d in rules
         )
         values = np.concatenate([self.values, np.tile(self.values[parts], len(regions))])
         return ValueTable((*self.refs, *refs), values, (*self.derived, *derived)), moved

@@ -1,4 +1,4 @@
-"""The library that reads files of Ansys, in a process of its own: on damaged files it crashes, or comes to no end."""
+"""The library that reads files of Ansys, in a process of its own: on damaged files it may crash or never finish."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _reason(done: subprocess.CompletedProcess[str]) -> str:
     if last:
         return last[0][:200]
     late = done.returncode == -getattr(signal, "SIGXCPU", 0)
-    return "the reading library came to no end" if late else "the reading library crashed"
+    return "the reading library did not finish in time" if late else "the reading library crashed"
 
 
 def write_arrays(source: str, target: str, module: str, function: str) -> None:

@@ -139,10 +139,10 @@ def _of_one_line(path: Path, text: TableText, heads: Sequence[str]) -> _Read:
     freq: dict[int, float] = {}
     cells: dict[tuple[int, str], float] = {}
     for head, cell in zip(heads, row):
-        if found := _OF_MODE.fullmatch(head):
-            freq[int(found[1])] = _value(path, line, cell, text)
-        elif found := _SHAPE.fullmatch(head):
-            cells[int(found[1]), found[2].upper()] = _value(path, line, cell, text)
+        if match := _OF_MODE.fullmatch(head):
+            freq[int(match[1])] = _value(path, line, cell, text)
+        elif match := _SHAPE.fullmatch(head):
+            cells[int(match[1]), match[2].upper()] = _value(path, line, cell, text)
         else:
             raise _error(path, "test.shapes/heading", text.lines[0], head=head[:40])
     labels = list(dict.fromkeys(label for _, label in cells))
@@ -195,8 +195,8 @@ def _opened(path: Path) -> Any:
 
 
 def _frequency(path: Path, text: TableText, head: str) -> float:
-    found = _FREQUENCY.fullmatch(head)
-    value = text.number(found[1]) if found else math.inf
+    match = _FREQUENCY.fullmatch(head)
+    value = text.number(match[1]) if match else math.inf
     if not 0.0 < value < math.inf:
         raise _error(path, "test.shapes/frequency", text.lines[0], head=head[:40])
     return value

@@ -120,8 +120,8 @@ def global_minimum(objective: Objective, lower: Reals, upper: Reals, rules: Sear
     counted = _Counted(lambda unit: objective(lower + unit * (upper - lower)))
     search: Callable[[_Counted, int, SearchRules], bool] = METHODS[rules.method].load()
     converged = search(counted, len(lower), rules)
-    found = counted.result(converged)
-    return GlobalMinimum(lower + found.x * (upper - lower), *_rest(found))
+    minimum = counted.result(converged)
+    return GlobalMinimum(lower + minimum.x * (upper - lower), *_rest(minimum))
 
 
 def _rest(found: GlobalMinimum) -> tuple[float, Reals, Reals, bool]:

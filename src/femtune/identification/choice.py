@@ -209,8 +209,8 @@ def choose(table: PoleTable, limits: Limits = Limits(), rule: Rule = Rule()) -> 
     firm = np.flatnonzero(stable(table, limits))
     groups = [firm[group] for group in cluster(table.select(firm))]
     orders = _orders(table)
-    found = [_candidate(table, group, orders, rule) for group in groups]
-    return tuple(_without_duplicates(found, table, rule))
+    candidates = [_candidate(table, group, orders, rule) for group in groups]
+    return tuple(_without_duplicates(candidates, table, rule))
 
 
 def change_choice(
@@ -270,11 +270,11 @@ def _pole_at(table: PoleTable, one: PickedPole) -> int:
     """Position of the pole of a method and order that is the picked one."""
     omega = 2.0 * np.pi * one.freq_hz
     pole = omega * (-one.damping_ratio + 1j * np.sqrt(max(0.0, 1.0 - one.damping_ratio**2)))
-    own = np.flatnonzero((np.array(table.method) == one.method) & (table.order == one.order))
-    away = np.abs(table.poles[own] - pole) / omega
-    if not len(own) or away.min() > SAME_POLE:
+    rows = np.flatnonzero((np.array(table.method) == one.method) & (table.order == one.order))
+    away = np.abs(table.poles[rows] - pole) / omega
+    if not len(rows) or away.min() > SAME_POLE:
         raise FemtuneError("identify.choices/no-pole", values=_values(one))
-    return int(own[away.argmin()])
+    return int(rows[away.argmin()])
 
 
 def has_candidate(candidates: Sequence[Candidate], freq: float, within: float = 0.01) -> bool:

@@ -136,8 +136,8 @@ class _ModePool:
         )
         scatter = np.array([_sd(self.freq_hz[g]) for g in groups])
         shape_scatter = np.stack([_sd(a) for a in aligned], axis=1)
-        found = np.array([len(g) for g in groups])
-        return CombinedModes(modes, scatter, shape_scatter, found, self._by_method(groups), dropped)
+        counts = np.array([len(g) for g in groups])
+        return CombinedModes(modes, scatter, shape_scatter, counts, self._by_method(groups), dropped)
 
     def _by_method(self, groups: list[NDArray[np.int64]]) -> dict[str, Reals]:
         methods = [e.method for e in self.estimates]

@@ -125,8 +125,8 @@ class _Again:
     left_out_hz: tuple[Band, ...]
 
     def __call__(self, frfs: FrfSet) -> Complexes:
-        found = equalised_test(frfs, self.damping_ratio, self.asked, self.per_half_band, self.left_out_hz)
-        return found.frfs.values
+        equalised = equalised_test(frfs, self.damping_ratio, self.asked, self.per_half_band, self.left_out_hz)
+        return equalised.frfs.values
 
 
 def _redrawn(identified: IdentifiedModes, again: _Again, lines: Reals, band: Band) -> RedrawnTest:

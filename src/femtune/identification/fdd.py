@@ -104,8 +104,8 @@ def _decay(auto: Reals, offset_hz: Reals, step_hz: float, window: Reals) -> tupl
     if len(auto) < 5:
         return float("nan"), float(np.average(offset_hz, weights=auto))
     t = np.linspace(0.0, 0.6 / step_hz, 600)
-    own = np.correlate(window, window, "full")[len(window) - 1 :]
-    faded = np.interp(t * step_hz, np.arange(len(window)) / len(window), own / own[0])
+    correlation = np.correlate(window, window, "full")[len(window) - 1 :]
+    faded = np.interp(t * step_hz, np.arange(len(window)) / len(window), correlation / correlation[0])
     decay = np.exp(2j * np.pi * t[:, None] * offset_hz) @ auto / faded
     size = np.abs(decay)
     begin, end = int(np.argmax(size < 0.9 * size[0])), int(np.argmax(size < 0.3 * size[0]))

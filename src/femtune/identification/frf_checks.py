@@ -103,8 +103,8 @@ def reciprocity(frfs: FrfSet) -> tuple[Reciprocity, ...]:
             known = np.isfinite(one) & np.isfinite(other)
             size = np.linalg.norm(one[known]) + np.linalg.norm(other[known])
             gap = float(2.0 * np.linalg.norm(one[known] - other[known]) / size) if size else float("nan")
-            own = [np.linalg.norm(np.nan_to_num(frfs.values[r.response, r.reference])[known]) for r in (p, q)]
-            coupling = float(0.5 * size / np.sqrt(own[0] * own[1])) if all(own) else float("inf")
+            sizes = [np.linalg.norm(np.nan_to_num(frfs.values[r.response, r.reference])[known]) for r in (p, q)]
+            coupling = float(0.5 * size / np.sqrt(sizes[0] * sizes[1])) if all(sizes) else float("inf")
             first, second = (str(frfs.references[r.reference]) for r in (p, q))
             pairs.append(Reciprocity(first, second, gap, coupling))
     return tuple(pairs)

@@ -64,9 +64,9 @@ def with_mode_near(fit: ModalFit, terms: tuple[str, ...], freq_hz: float, dampin
 
 def _is_near(fit: ModalFit, number: int, freq_hz: float) -> bool:
     """Whether the mode that began with a number is near a frequency, and is none of the others."""
-    own = fit.begun_at == number
-    pole = fit.poles[own][0]
-    found_hz, found_ratio = (float(value[0]) for value in freq_and_damping(fit.poles[own]))
-    apart = float(np.abs(fit.poles[~own] - pole).min(initial=np.inf))
+    of_number = fit.begun_at == number
+    pole = fit.poles[of_number][0]
+    found_hz, found_ratio = (float(value[0]) for value in freq_and_damping(fit.poles[of_number]))
+    apart = float(np.abs(fit.poles[~of_number] - pole).min(initial=np.inf))
     near = abs(found_hz / freq_hz - 1.0) <= _FARTHEST and 0.0 < found_ratio < LARGEST_DAMPING_RATIO
     return near and apart > APART * abs(pole.real)

@@ -71,16 +71,16 @@ def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_win
     ------
     FemtuneError : ``identify.resolution/hits`` where no block is as long as that; ``record.lost-samples``
     """
-    found = [(record, *hit) for record in records for hit in _hits(record)]
-    good = [one for one in found if not one[3]]
+    hits = [(record, *hit) for record in records for hit in _hits(record)]
+    good = [one for one in hits if not one[3]]
     left = tuple(
         Notice("identify.hit-left-out", time_s=float(record.time_s[begin]), reason=reason)
-        for record, begin, _, reason in found
+        for record, begin, _, reason in hits
         if reason
     )
     if not good:
         # there is nothing better, and the reader is told
-        good, left = found, (Notice("identify.hits-doubtful", reasons=", ".join(sorted({one[3] for one in found}))),)
+        good, left = hits, (Notice("identify.hits-doubtful", reasons=", ".join(sorted({one[3] for one in hits}))),)
     lengths = np.array([end - begin for _, begin, end, _ in good])
     usual = float(np.median(lengths))
     kept = [one for one, length in zip(good, lengths) if length >= (longest or 0.5 * usual)]
@@ -132,9 +132,9 @@ def _hits(record: TimeSeries) -> list[tuple[int, int, str]]:
     ends = np.append(begins[1:] - _BEFORE, record.samples)
     hits = []
     for i, (begin, end) in enumerate(zip(begins.tolist(), ends.tolist())):
-        own = at[first[i] : last[i] + 1]
+        contact = at[first[i] : last[i] + 1]
         # within one pulse the force falls below the level only where it crosses zero
-        bounce = np.diff(own).max(initial=1) > max(2 * _first_pulse(own), 4)
+        bounce = np.diff(contact).max(initial=1) > max(2 * _first_pulse(contact), 4)
         hits.append((begin, end, "double hit" if bounce else _overload(record, begin, end)))
     return hits
 

@@ -124,16 +124,16 @@ def _standing_out(moving: Reals, rate: float, band_hz: tuple[float, float]) -> t
 
 def _candidates(freq: Reals, level: Reals, modes_hz: Sequence[float]) -> list[float]:
     """Frequencies of the lines that stand out, the highest of each neighbourhood, and of the peaks beside modes."""
-    found: list[float] = []
+    hertz: list[float] = []
     high = np.flatnonzero(level > STANDS_OUT)
     for i in high[np.argsort(-level[high], kind="stable")]:
-        if len(found) < _MOST_CANDIDATES and all(abs(freq[i] - f) > 4.0 * WANDER * f for f in found):
-            found.append(float(freq[i]))
+        if len(hertz) < _MOST_CANDIDATES and all(abs(freq[i] - f) > 4.0 * WANDER * f for f in hertz):
+            hertz.append(float(freq[i]))
     for f in modes_hz:
         near = np.flatnonzero(np.abs(freq - f) <= 4.0 * WANDER * f)
         at = float(freq[near[np.argmax(level[near])]]) if len(near) else float(f)
-        found += [] if at in found else [at]
-    return found
+        hertz += [] if at in hertz else [at]
+    return hertz
 
 
 def _judged(moving: Reals, rate: float, duration: float, hz: float) -> Line | None:
@@ -269,16 +269,16 @@ def without_lines(record: TimeSeries, freq_hz: Sequence[float]) -> tuple[TimeSer
     moving = values[rows] - values[rows].mean(axis=1, keepdims=True)
     size = moving.std(axis=1, keepdims=True)
     unit = moving / np.where(size > 0.0, size, 1.0)
-    found = [_refined(unit, record.even_hz, hz) for hz in freq_hz]
-    pieces = [_pieces(unit, record.even_hz, hz) for hz in found]
-    parts = [_sines(unit.shape[1], record.even_hz, hz, n) for hz, n in zip(found, pieces)]
+    refined = [_refined(unit, record.even_hz, hz) for hz in freq_hz]
+    pieces = [_pieces(unit, record.even_hz, hz) for hz in refined]
+    parts = [_sines(unit.shape[1], record.even_hz, hz, n) for hz, n in zip(refined, pieces)]
     design = csc_array(hstack(parts))
     weights = splu(csc_array(design.T @ design)).solve(np.asarray(design.T @ unit.T))
     values[rows] -= size * (design @ weights).T
     ends = np.cumsum([0, *(part.shape[1] for part in parts)])
     removed = tuple(
         Removed(hz, float(((part @ weights[a:b]) ** 2).mean() / max((unit**2).mean(), 1e-300)), n)
-        for hz, n, part, a, b in zip(found, pieces, parts, ends, ends[1:])
+        for hz, n, part, a, b in zip(refined, pieces, parts, ends, ends[1:])
     )
     return replace(record, values=values), removed
 

@@ -95,9 +95,9 @@ def _away(fit: ModalFit, chosen: Sequence[Candidate], table: PoleTable, band_hz:
     ends, shapes = fit.poles[inside], leading_shapes(fit)
     clusters = [chosen[i] for i in fit.begun_at[inside].tolist()]
     freq, ratio = freq_and_damping(ends)
-    own = np.array([c.damping_ratio for c in clusters])
+    damping = np.array([c.damping_ratio for c in clusters])
     distance = np.array([_distance(end, table.poles[c.members]) for end, c in zip(ends, clusters)])
-    allowed = np.maximum(np.clip(HALF_BANDWIDTHS * own, LEAST, MOST), own)
+    allowed = np.maximum(np.clip(HALF_BANDWIDTHS * damping, LEAST, MOST), damping)
     alike = np.diag(mac_where_defined(shapes, table.shapes[:, [c.at for c in clusters]]))
     found = {}
     for r, i in enumerate(inside.tolist()):

@@ -152,8 +152,8 @@ def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | Non
     """
     told = check_frfs(frfs)
     with with_notices(told):
-        found = _identified(_without_dead(frfs), asked, sd)
-    return replace(found, notices=(*told, *found.notices))
+        identified = _identified(_without_dead(frfs), asked, sd)
+    return replace(identified, notices=(*told, *identified.notices))
 
 
 def _without_dead(frfs: FrfSet) -> FrfSet:

@@ -60,23 +60,23 @@ def late_channels(shapes: Complexes, freq_hz: Reals, step_s: float) -> tuple[Lat
     # a channel of another quantity is turned by 90 degrees in all modes, and has no delay
     turns = np.vstack([turns, np.full(m, -1.0)])
     at_first = float(_imaginary(squares.sum(axis=0)))
-    found: list[tuple[int, float]] = []
+    late: list[tuple[int, float]] = []
     best: tuple[LateChannel, ...] = ()
     least = LEVEL
     for count in range(1, min((s - 1) // 2, MOST_LATE) + 1):
         tried = _imaginary(squares.sum(axis=0) + squares[:, None, :] * (turns - 1.0))
-        tried[[i for i, _ in found]] = np.inf
+        tried[[i for i, _ in late]] = np.inf
         i, k = (int(x) for x in np.unravel_index(tried.argmin(), tried.shape))
         if k == len(delays_s):
             break
-        found.append((i, float(delays_s[k])))
+        late.append((i, float(delays_s[k])))
         freedom = (s - 1) * m - count
         left = max(float(tried[i, k]), np.finfo(float).tiny)
         ratio = max((at_first - left) / count / (left / freedom), 0.0)
         ways = comb(s, count) * float(len(turns)) ** count
         probability = min(1.0, ways * float(fdtrc(count, freedom, ratio)))
         if probability < least:
-            least, best = probability, tuple(LateChannel(*one, probability) for one in found)
+            least, best = probability, tuple(LateChannel(*one, probability) for one in late)
         squares[i] *= turns[k]
     return best
 

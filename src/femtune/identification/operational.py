@@ -233,11 +233,11 @@ def _of_lines(
     """Modes with the complex shapes that the channels have at single lines."""
     dofs = DofSet(c.dof for c in channels)
     columns = np.asarray(np.stack(shapes, axis=1) if len(shapes) else np.zeros((len(dofs), 0)), np.complex128)
-    found = in_one_quantity(columns, np.asarray(2j * np.pi * lines_hz, np.complex128), derivatives_of(channels))
+    scaled = in_one_quantity(columns, np.asarray(2j * np.pi * lines_hz, np.complex128), derivatives_of(channels))
     modes = ModeSet(
-        freq, _real_shapes(found), dofs, damping_ratio=ratio, normalisation="unit-norm", source=method
+        freq, _real_shapes(scaled), dofs, damping_ratio=ratio, normalisation="unit-norm", source=method
     )  # fmt: skip
-    return OperationalModes(method, modes, found)
+    return OperationalModes(method, modes, scaled)
 
 
 def _real_shapes(shapes: Complexes) -> Reals:

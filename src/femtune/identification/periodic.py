@@ -119,8 +119,8 @@ def _amplitudes(record: TimeSeries, freq: Reals, blocks: int) -> Complexes:
 def _sines(record: TimeSeries, piece: NDArray, freq: Reals) -> Complexes:
     angle = 2.0 * np.pi * np.outer(record.time_s[piece], freq)
     basis = np.hstack([np.cos(angle), np.sin(angle), np.ones((len(piece), 1))])
-    found = np.linalg.lstsq(basis, record.values[:, piece].T, rcond=None)[0]
-    return (found[: len(freq)] - 1j * found[len(freq) : 2 * len(freq)]).T
+    amplitudes = np.linalg.lstsq(basis, record.values[:, piece].T, rcond=None)[0]
+    return (amplitudes[: len(freq)] - 1j * amplitudes[len(freq) : 2 * len(freq)]).T
 
 
 def _frfs(record: TimeSeries, repeats: Sequence[Complexes], lines: Reals) -> PeriodicFrfs:

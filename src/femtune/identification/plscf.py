@@ -100,9 +100,9 @@ def residue_shapes(frfs: FrfSet, poles: Complexes) -> Complexes:
     basis = np.hstack([near, np.vander(i_omega, 3), i_omega[:, None] ** -2])
     size = np.linalg.norm(basis, axis=0)
     Q, R = qr(basis / size, mode="economic", check_finite=False)
-    found = np.linalg.lstsq(R, Q.conj().T @ frfs.values.reshape(n * u, k).T, rcond=1e-13)[0][: len(poles)]
-    found = found / size[: len(poles), None]
-    left, s, _ = np.linalg.svd(found.reshape(len(poles), n, u), full_matrices=False)
+    residues = np.linalg.lstsq(R, Q.conj().T @ frfs.values.reshape(n * u, k).T, rcond=1e-13)[0][: len(poles)]
+    residues = residues / size[: len(poles), None]
+    left, s, _ = np.linalg.svd(residues.reshape(len(poles), n, u), full_matrices=False)
     return (left[:, :, 0] * s[:, :1]).T
 
 

@@ -74,5 +74,5 @@ def _turns(channel: Channel) -> bool:
 
 def _length(unit: str) -> str:
     """The leading word of a unit: "mm" of "mm/s^2", "" where none is given."""
-    found = re.match(r"\s*([^\W\d_]+)", unit)
-    return found[1] if found else ""
+    match = re.match(r"\s*([^\W\d_]+)", unit)
+    return match[1] if match else ""

@@ -202,8 +202,8 @@ def _svd(g: Group, L: Complexes) -> tuple[Reals, Reals, Reals]:
 def _shapes(g: Group, L: Complexes) -> Complexes:
     """(responses, m)."""
     U, s, V = _svd(g, L)
-    found = V @ ((U.T @ g.values) / s[:, None])
-    return (found[: len(L)] + 1j * found[len(L) :]).T
+    shapes = V @ ((U.T @ g.values) / s[:, None])
+    return (shapes[: len(L)] + 1j * shapes[len(L) :]).T
 
 
 def _errors(g: Group, L: Complexes) -> Reals:

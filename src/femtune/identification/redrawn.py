@@ -143,9 +143,9 @@ class RedrawnTest:
         # poles that keep their damping are outside the band or badly known: they are followed to first order only
         step = np.concatenate([step, np.zeros(len(self.moved) - len(step))])
         poles = self.system.poles + np.where(self.moved, step, 0.0)
-        found = self._equalised(poles, self._residues + residues, self.system.system.D + direct)
+        equalised = self._equalised(poles, self._residues + residues, self.system.system.D + direct)
         kept = np.where(self.moved, 0.0, step)
-        return found + self._by_poles(kept, self._slopes) if kept.any() else found
+        return equalised + self._by_poles(kept, self._slopes) if kept.any() else equalised
 
     def refitted(self, change: Complexes) -> Complexes:
         """(n, u, l) the same, with converged fits of the same weights (errors as `fit_modes` and `system_fit`)."""

@@ -64,8 +64,8 @@ def _places(setups: Sequence[ModeSet]) -> tuple[DofSet, list[NDArray], list[Real
     for dof in (d for s in setups for d in s.dofs):
         seen.setdefault((dof.node, dof.direction), dof)
     dofs = DofSet(seen.values())
-    found = [s.dofs.align(dofs) for s in setups]
-    return dofs, [rows for rows, _ in found], [signs for _, signs in found]
+    places = [s.dofs.align(dofs) for s in setups]
+    return dofs, [rows for rows, _ in places], [signs for _, signs in places]
 
 
 def _check_joined(rows: Sequence[NDArray], size: int) -> None:

@@ -105,8 +105,8 @@ def _leading(residues: NDArray) -> Complexes:
     adjoint = residues.conj().swapaxes(1, 2)
     if u > n:
         return np.asarray(np.linalg.eigh(residues @ adjoint)[1][:, :, -1])
-    found = (residues @ np.linalg.eigh(adjoint @ residues)[1][:, :, -1:])[:, :, 0]
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    leading = (residues @ np.linalg.eigh(adjoint @ residues)[1][:, :, -1:])[:, :, 0]
+    return np.asarray(leading / np.linalg.norm(leading, axis=1, keepdims=True))
 
 
 def _square_of_scale(u: NDArray, residues: NDArray, poles: NDArray, points: Sequence[DrivingPoint]) -> Complexes:
@@ -117,9 +117,9 @@ def _square_of_scale(u: NDArray, residues: NDArray, poles: NDArray, points: Sequ
 
 
 def _mass_sign(residue: Complexes, pole: complex, points: Sequence[DrivingPoint]) -> float:
-    own = [2j * pole.imag * residue[p.response, p.reference] * p.sign for p in points]
-    size = sum(abs(x) for x in own)
-    return float(sum(x.real for x in own) / size) if size else float("nan")
+    signs = [2j * pole.imag * residue[p.response, p.reference] * p.sign for p in points]
+    size = sum(abs(x) for x in signs)
+    return float(sum(x.real for x in signs) / size) if size else float("nan")
 
 
 def _rank_share(residue: Complexes) -> float:
@@ -157,8 +157,8 @@ def _slopes(residue: Complexes, pole: complex, points: Sequence[DrivingPoint], r
         # a response at a time: all of them together are large where there are many
         changes = np.zeros((u, 2, n, u), complex)
         changes[range(u), :, i, range(u)] = step * units
-        found = _differences(base, residue, changes.reshape(2 * u, n, u), pole, np.tile(still, u), points, real)
-        by_residue[:, i] = found.reshape(n, 2, u, 2).transpose(0, 2, 1, 3) / (2.0 * step)
+        slopes = _differences(base, residue, changes.reshape(2 * u, n, u), pole, np.tile(still, u), points, real)
+        by_residue[:, i] = slopes.reshape(n, 2, u, 2).transpose(0, 2, 1, 3) / (2.0 * step)
     unchanged = np.zeros((2, n, u))
     by_pole = _differences(base, residue, unchanged, pole, move * units, points, real) / (2.0 * move)
     return by_residue.reshape(n, n * u, 2, 2), by_pole

@@ -65,9 +65,9 @@ def without_poles_of_noise(
 
 def _of_one_order(table: PoleTable, at: int, there: Flags) -> tuple[complex, Complexes]:
     """A pole, and the others that its method found at its order."""
-    own = there & (np.array(table.method) == table.method[at]) & (table.order == table.order[at])
-    own[at] = False
-    return complex(table.poles[at]), np.asarray(table.poles[own])
+    same_order = there & (np.array(table.method) == table.method[at]) & (table.order == table.order[at])
+    same_order[at] = False
+    return complex(table.poles[at]), np.asarray(table.poles[same_order])
 
 
 def stands_out(frfs: FrfSet, pole: complex, others: Complexes) -> bool:

@@ -202,5 +202,5 @@ def _of_state_matrix(order: int, a: Reals, moved_a: Reals, c: Reals, moved_c: Re
     turned = right @ (coupled / gaps)[:, :, keep]
     poles = np.diagonal(coupled, axis1=1, axis2=2)[:, keep] / (discrete[keep] * step_s)
     shapes = c @ turned + moved_c @ right[:, keep]
-    found = Poles(order, np.log(discrete[keep]) / step_s, c @ right[:, keep])
-    return PoleScatter(found, np.asarray(poles), np.asarray(shapes))
+    all_poles = Poles(order, np.log(discrete[keep]) / step_s, c @ right[:, keep])
+    return PoleScatter(all_poles, np.asarray(poles), np.asarray(shapes))

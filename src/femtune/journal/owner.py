@@ -74,13 +74,13 @@ def owner_of(folder: Path, beside: Path) -> Owner | None:
     ----------
     beside : folder of the study that asks; a folder of an earlier femtune tells the name of its study only
     """
-    found = _read(folder / OWNER_FILE, _MOST_BYTES)
-    if found.get("schema_version") == _VERSION and isinstance(found.get("title"), str):
-        study, files = found.get("study"), found.get("files")
+    owner = _read(folder / OWNER_FILE, _MOST_BYTES)
+    if owner.get("schema_version") == _VERSION and isinstance(owner.get("title"), str):
+        study, files = owner.get("study"), owner.get("files")
         named = {str(k): str(v) for k, v in files.items()} if isinstance(files, dict) else {}
-        return Owner(found["title"], folder / study if isinstance(study, str) else None, named)
-    found = _read(folder / RESULTS_FILE, _MOST_RESULTS)
-    study, origin = found.get("study"), found.get("provenance")
+        return Owner(owner["title"], folder / study if isinstance(study, str) else None, named)
+    owner = _read(folder / RESULTS_FILE, _MOST_RESULTS)
+    study, origin = owner.get("study"), owner.get("provenance")
     if not isinstance(study, dict) or not isinstance(origin, dict):
         return None
     title, of_study = study.get("title"), origin.get("study_file")
@@ -131,8 +131,8 @@ def sign(folder: Path, title: str, path: Path | None, files: Mapping[str, str]) 
 
 def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
     """SHA-256 by name of the files that are there."""
-    found = {name: _digest(folder / name) for name in names}
-    return {name: known for name, known in found.items() if known}
+    digest_of = {name: _digest(folder / name) for name in names}
+    return {name: known for name, known in digest_of.items() if known}
 
 
 def _digest(path: Path) -> str:
@@ -158,7 +158,7 @@ def _read(path: Path, most: int) -> dict[str, Any]:
     try:
         if not path.is_file() or path.stat().st_size > most:
             return {}
-        found = json.loads(path.read_bytes())
+        data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return data if isinstance(data, dict) else {}

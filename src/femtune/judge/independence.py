@@ -77,9 +77,9 @@ def shared_modes(first: ModeSet, second: ModeSet) -> SharedModes:
 def _common(first: DofSet, second: DofSet) -> tuple[list[int], list[int], Reals]:
     """Positions of the DOFs that both sets have, and the sign that turns the second into the first."""
     at: Mapping[tuple[int, str], int] = {(d.node, d.direction): k for k, d in enumerate(first)}
-    found = [(at[key], k) for k, d in enumerate(second) if (key := (d.node, d.direction)) in at]
-    rows, columns = [i for i, _ in found], [k for _, k in found]
-    signs = np.array([first[i].sign * second[k].sign for i, k in found], dtype=float)
+    places = [(at[key], k) for k, d in enumerate(second) if (key := (d.node, d.direction)) in at]
+    rows, columns = [i for i, _ in places], [k for _, k in places]
+    signs = np.array([first[i].sign * second[k].sign for i, k in places], dtype=float)
     return rows, columns, signs
 
 

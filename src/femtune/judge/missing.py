@@ -117,9 +117,9 @@ def score_test(
     weighted = _divided(record, size)
     places = [weighted.of_kind(name) for name in names]
     freedom = np.array([weighted.degrees(at)[0] for at in places])
-    own = columns / size[:, None]
-    C = weighted.across(own)
-    length = np.linalg.norm(own, axis=0)
+    unit_columns = columns / size[:, None]
+    C = weighted.across(unit_columns)
+    length = np.linalg.norm(unit_columns, axis=0)
     seen = np.linalg.norm(C, axis=0) ** 2 >= INVISIBLE * length**2
     seen &= length > _NO_EFFECT * length.max(initial=0.0)
     if freedom.sum() < FEWEST_DEGREES - _ROUNDING or not seen.any():
@@ -169,13 +169,13 @@ def _sizes(record: Whitened) -> tuple[Reals, frozenset[str]]:
 
     A kind with too few degrees of freedom to tell has the stated size, or that of its residuals if they are larger.
     """
-    found = scales(record)
-    size, left = found.rows.copy(), found.weighted.across(found.weighted.r)
-    for kind in found.kinds:
+    factors = scales(record)
+    size, left = factors.rows.copy(), factors.weighted.across(factors.weighted.r)
+    for kind in factors.kinds:
         at = record.of_kind(kind.kind)
         if not kind.estimated:
             size[at] *= max(1.0, float(np.sqrt(np.mean(left[at] ** 2))))
-    smallest = frozenset(kind.kind for kind in found.kinds if kind.estimated and kind.factor < LEAST_SIZE)
+    smallest = frozenset(kind.kind for kind in factors.kinds if kind.estimated and kind.factor < LEAST_SIZE)
     return np.maximum(size, LEAST_SIZE), smallest
 
 

@@ -61,9 +61,9 @@ class NeighbourTest:
 
 def neighbour_tests(at: Evaluation) -> tuple[NeighbourTest, ...]:
     """The tests of all paired modes of all configurations; modes with too few sensors for one are left out."""
-    found = [test for state in at.states for test in _of_state(state)]
-    wise = holm([t.p_value for t in found])
-    return tuple(replace(t, p_family_wise=p) for t, p in zip(found, wise))
+    tests = [test for state in at.states for test in _of_state(state)]
+    wise = holm([t.p_value for t in tests])
+    return tuple(replace(t, p_family_wise=p) for t, p in zip(tests, wise))
 
 
 def _of_state(state: CaseState) -> Iterator[NeighbourTest]:
@@ -81,15 +81,15 @@ def _of_state(state: CaseState) -> Iterator[NeighbourTest]:
         w = weights[known] / np.max(weights[known], initial=0.0)
         others = [i for i in range(len(values)) if i not in pair.members]
         nearest = sorted(others, key=lambda i: abs(np.log(_positive(float(values[i])) / _positive(pair.eigenvalue))))
-        found = project(w * pair.test_shape[known], w * pair.shape[known], w[:, None] * shapes[known][:, nearest],
+        projected = project(w * pair.test_shape[known], w * pair.shape[known], w[:, None] * shapes[known][:, nearest],
                         pair.turned)  # fmt: skip
-        if found is not None:
-            of_largest = found.scatter / float(np.abs(w * pair.test_shape[known]).max())
+        if projected is not None:
+            of_largest = projected.scatter / float(np.abs(w * pair.test_shape[known]).max())
             member = min(pair.members, key=lambda i: abs(values[i] - pair.eigenvalue))
             yield NeighbourTest(
-                pair.case.name, pair.label, member, tuple(nearest[i] for i in range(found.tried)),
-                nearest[found.other], found.share, found.F, found.degrees,
-                float(fdtrc(*found.degrees, found.F)), 1.0, of_largest,
+                pair.case.name, pair.label, member, tuple(nearest[i] for i in range(projected.tried)),
+                nearest[projected.other], projected.share, projected.F, projected.degrees,
+                float(fdtrc(*projected.degrees, projected.F)), 1.0, of_largest,
             )  # fmt: skip
 
 

@@ -86,8 +86,8 @@ def parts(
     every = record.of_all_parameters
     families = {f: tuple(members) for f, members in _families(every, estimated)}
     held = _held_by_side_constraint(every) if side_constraint else _held(record)
-    found = {key: tuple(_tested(every, key[0], *m) for m in members) for key, members in families.items()}
-    kept = {key: tuple(p for p in members if p is not None) for key, members in found.items()}
+    tested = {key: tuple(_tested(every, key[0], *m) for m in members) for key, members in families.items()}
+    kept = {key: tuple(p for p in members if p is not None) for key, members in tested.items()}
     if of_macs:
         kept["modes", of_macs[0].kind] = of_macs
     if held is not None:
@@ -214,6 +214,8 @@ def family_wise(families: Mapping[_Key, tuple[ResidualPart, ...]], further: int 
     between = holm([*least, *[1.0] * further])
     out = []
     for (key, members), of_family, best in zip(families.items(), between, least):
-        own = [of_family if p == best else min(1.0, max(of_family, p * (len(least) + further))) for p in within[key]]
-        out.append(tuple(replace(part, p_family_wise=p) for part, p in zip(members, own)))
+        adjusted = [
+            of_family if p == best else min(1.0, max(of_family, p * (len(least) + further))) for p in within[key]
+        ]
+        out.append(tuple(replace(part, p_family_wise=p) for part, p in zip(members, adjusted)))
     return out

@@ -85,8 +85,8 @@ def refitted(
     lower, upper = np.minimum(lower, 0.0), np.maximum(upper, 0.0)
     turn = turn * size
     fixed = np.zeros((0, turn.shape[1])) if side is None else side.rows(x0[: side.matrix.shape[1]])[1]
-    own = fixed if side is None else fixed @ turn[: side.matrix.shape[1]]
-    at, y, J, r = end, np.zeros(turn.shape[1]), np.vstack([end.jacobian @ turn, own]), misfit(end, side)
+    fixed_rows = fixed if side is None else fixed @ turn[: side.matrix.shape[1]]
+    at, y, J, r = end, np.zeros(turn.shape[1]), np.vstack([end.jacobian @ turn, fixed_rows]), misfit(end, side)
     converged, iterations, solutions = False, 0, 0
     while not converged and solutions < most:
         step = np.asarray(lsq_linear(J, -r, (lower - y, upper - y), method="bvls").x)

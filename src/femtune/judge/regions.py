@@ -100,9 +100,9 @@ def mesh_of(structure: Structure) -> Mesh:
     width = max((b.nodes.shape[1] for b in structure.batches), default=1)
     nodes, numbers = [np.zeros((0, width), np.int64)], [np.zeros(0, np.int64)]
     for batch in structure.batches:
-        own = np.where((batch.nodes >= 0) & (batch.nodes < n), batch.nodes, -1)
-        some = (own >= 0).any(axis=1)
-        nodes.append(np.pad(own[some], ((0, 0), (0, width - own.shape[1])), constant_values=-1))
+        grid_rows = np.where((batch.nodes >= 0) & (batch.nodes < n), batch.nodes, -1)
+        some = (grid_rows >= 0).any(axis=1)
+        nodes.append(np.pad(grid_rows[some], ((0, 0), (0, width - grid_rows.shape[1])), constant_values=-1))
         numbers.append(batch.ids[some])
     points = np.concatenate(nodes)
     places = np.where((points >= 0)[:, :, None], structure.nodes.xyz[np.maximum(points, 0)], 0.0)

@@ -78,9 +78,9 @@ def supported_dofs(structure: Structure, configurations: Sequence[Configuration]
         own = set(held_dofs(structure, replace(configuration, supports_added=())).tolist())
         own -= {structure.nodes.dof(node, int(c)) for node, several in configuration.supports_added for c in several}
         held = own if held is None else held & own
-    found = np.array(sorted(i for i in held or () if i < n), np.int64)
-    share = np.bincount(found % 6, minlength=6) / max(len(structure.nodes.ids), 1)
-    return found[share[found % 6] < _USUALLY_FREE]
+    dofs = np.array(sorted(i for i in held or () if i < n), np.int64)
+    share = np.bincount(dofs % 6, minlength=6) / max(len(structure.nodes.ids), 1)
+    return dofs[share[dofs % 6] < _USUALLY_FREE]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,9 +113,9 @@ def support_rows(configured: ConfiguredModel, dofs: Integers, x: Reals) -> Suppo
     ------
     FemtuneError : as `configure`
     """
-    found = _rows(configured, dofs, x)
-    if found is not None:
-        return found
+    rows = _rows(configured, dofs, x)
+    if rows is not None:
+        return rows
     parts = [part for c in range(6) if (part := _rows(configured, dofs[dofs % 6 == c], x)) is not None]
     known = np.concatenate([part.dofs for part in parts])
     order = np.argsort(known)

@@ -141,9 +141,9 @@ class Whitened:
     def degrees(self, rows: NDArray[np.int64]) -> tuple[float, float]:
         """tr A and tr A² of the covariance A = S P Sᵀ of the residuals that are left in some rows."""
         part = self.basis[rows]
-        gram, own = part.T @ part, float(self.shares[rows].sum())
+        gram, share = part.T @ part, float(self.shares[rows].sum())
         first = float(np.trace(gram))
-        return own - first, own - 2.0 * first + float(np.sum(gram**2))
+        return share - first, share - 2.0 * first + float(np.sum(gram**2))
 
 
 def whitened(result: UpdateResult, untested: str = "") -> Whitened | None:

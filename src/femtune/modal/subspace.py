@@ -141,8 +141,8 @@ def _polar_factor(x: Reals) -> tuple[Reals, float]:
 
 def _nearest_columns(q: Reals) -> tuple[int, ...]:
     rows, columns = linear_sum_assignment(-np.abs(q))
-    found = dict(zip(columns.tolist(), rows.tolist()))
-    return tuple(found.get(i, -1) for i in range(q.shape[1]))
+    row_of = dict(zip(columns.tolist(), rows.tolist()))
+    return tuple(row_of.get(i, -1) for i in range(q.shape[1]))
 
 
 def _angle_deg(cosine: float) -> float:

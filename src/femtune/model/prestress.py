@@ -177,9 +177,9 @@ class _Jets:
         def weights(term: TermFunction) -> NDArray:
             if term.coefficient is None:
                 return np.zeros(1)
-            own = self._of(term)
+            jets = self._of(term)
             first, *second = variables
-            return np.asarray(own.hess[:, first, second[0]] if second else own.grad[:, first])
+            return np.asarray(jets.hess[:, first, second[0]] if second else jets.grad[:, first])
 
         return weights
 

@@ -269,7 +269,7 @@ class _Projection:
     def joined(self, terms: Sequence[TermFunction], nnz: int) -> ProjectedTerm:
         """Terms that share a coefficient, or the functions of a book, as one."""
         function, columns = _function(terms)
-        pieces = [piece for term, own in zip(terms, columns) for piece in self._pieces(term, own)]
+        pieces = [piece for term, projected in zip(terms, columns) for piece in self._pieces(term, projected)]
         return ProjectedTerm(function, spread_of(pieces, function.n_columns, nnz))
 
     def _pieces(self, term: TermFunction, columns: Integers) -> Iterator[Piece]:

@@ -133,13 +133,13 @@ class Term(TermFunction):
     def arrays(self) -> Iterator[NDArray]:
         """All that it is made of."""
         yield from (self.layout.elements, self.layout.dofs, self.columns)
-        own = self.values
-        yield from (own.rows, own.index, own.middle) if isinstance(own, LowRankValues) else (own,)
+        values = self.values
+        yield from (values.rows, values.index, values.middle) if isinstance(values, LowRankValues) else (values,)
 
     def keep(self, mask: Flags, layout: TermLayout) -> Term:
         """The elements where the mask is true; `layout` is the layout of these."""
-        own = self.values
-        values = own.keep(mask) if isinstance(own, LowRankValues) else own[mask]
+        stored = self.values
+        values = stored.keep(mask) if isinstance(stored, LowRankValues) else stored[mask]
         return replace(self, layout=layout, values=values, columns=self.columns[mask])
 
     def matrices(self, part: slice = slice(None)) -> Reals:

@@ -219,8 +219,8 @@ class ParameterSet:
 
     def values(self, x: NDArray) -> dict[str, float]:
         """Values of all parameters, free and tied, in the order of the set."""
-        found = self.at_samples(np.asarray(x, dtype=float)[None])
-        return {name: float(found[name][0]) for name in self.names}
+        of_sample = self.at_samples(np.asarray(x, dtype=float)[None])
+        return {name: float(of_sample[name][0]) for name in self.names}
 
     def at_samples(self, x: NDArray) -> dict[str, NDArray[np.float64]]:
         """Values (n,) of all parameters at n normalised free vectors (n, k) (error ``tie.value``)."""

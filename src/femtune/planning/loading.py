@@ -50,9 +50,9 @@ def suspended(eigenvalues: Reals, rigid: int, springs: Reals, motion: Reals) -> 
     values, vectors = la.eigh(np.diag(free) + B.T @ B)
     # the motions in which rigid-body modes prevail are those of the suspension
     share = (vectors[:rigid] ** 2).sum(axis=0)
-    own = np.sort(np.argsort(-share, kind="stable")[:rigid])
-    others = np.setdiff1d(np.arange(len(values)), own)
-    return Suspended(values[own], values[others][_order(vectors[rigid:, others])])
+    rigid_modes = np.sort(np.argsort(-share, kind="stable")[:rigid])
+    others = np.setdiff1d(np.arange(len(values)), rigid_modes)
+    return Suspended(values[rigid_modes], values[others][_order(vectors[rigid:, others])])
 
 
 def _order(vectors: Reals) -> Integers:

@@ -296,8 +296,8 @@ class CaseState:
     def _align(self, group: Group, derivatives: bool) -> AlignedModes:
         tests, models = group
         derivative = self.case.solver.derivative if derivatives else seen_only
-        found = derivative(self.solution, models, self.case.sensors)
-        return align(found, self.case.test.shapes[:, list(tests)])
+        gradients = derivative(self.solution, models, self.case.sensors)
+        return align(gradients, self.case.test.shapes[:, list(tests)])
 
     def pairs(self, derivatives: bool) -> Iterator[PairedMode]:
         """Every paired test mode with the model's motion paired with it."""

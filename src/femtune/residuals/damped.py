@@ -44,9 +44,9 @@ class _Poles:
 def _poles(real: EigenSolution, count: int, damping: DampingRatios | None) -> _Poles:
     if real.point.depends_on_frequency:
         return _at_own_frequency(real, damping)
-    found = complex_modes(real, count, damping)
-    some = np.array([j for j, kind in enumerate(found.kinds) if kind == "oscillating"], dtype=np.int64)
-    return _Poles(found.poles, found.shapes, some, found.complete, partial(mean_pole_derivative, found))
+    poles = complex_modes(real, count, damping)
+    some = np.array([j for j, kind in enumerate(poles.kinds) if kind == "oscillating"], dtype=np.int64)
+    return _Poles(poles.poles, poles.shapes, some, poles.complete, partial(mean_pole_derivative, poles))
 
 
 def _at_own_frequency(real: EigenSolution, damping: DampingRatios | None) -> _Poles:

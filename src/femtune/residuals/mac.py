@@ -72,5 +72,5 @@ class MacResidual(PairResidual):
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
         """One value a mode."""
-        found = mac_residual(pair.shape, pair.shape_gradient, pair.test_shape, self.sd, self.form)
-        return self.block(pair.case.name, pair.label, *found, self.sd)
+        block = mac_residual(pair.shape, pair.shape_gradient, pair.test_shape, self.sd, self.form)
+        return self.block(pair.case.name, pair.label, *block, self.sd)

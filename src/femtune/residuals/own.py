@@ -44,8 +44,8 @@ class OwnResidual(Residual):
         """See `Residual`; error ``residual.own`` for an answer that cannot be used."""
         # a deck with the updated values has no parameters
         wanted = derivatives and bool(len(state.point.x))
-        found = checked_blocks(self.own.blocks(state, wanted), self.own, len(state.point.x) if wanted else None)
-        return found if wanted else [replace(b, jacobian=np.zeros((len(b.values), 0))) for b in found]
+        blocks = checked_blocks(self.own.blocks(state, wanted), self.own, len(state.point.x) if wanted else None)
+        return blocks if wanted else [replace(b, jacobian=np.zeros((len(b.values), 0))) for b in blocks]
 
     def of_kinds(self, keys: Collection[str]) -> Residual | None:
         """See `Residual`."""
@@ -69,9 +69,9 @@ def checked_blocks(blocks: Any, residual: object, parameters: int | None) -> Seq
     """
     name = type(residual).__name__
     if not isinstance(blocks, Sequence):
-        found = type(blocks).__name__
+        type_name = type(blocks).__name__
         raise FemtuneError(
-            "residual.own", values={"found": found, "expected": "a list of ResidualBlock"}, residual=name
+            "residual.own", values={"found": type_name, "expected": "a list of ResidualBlock"}, residual=name
         )
     for i, block in enumerate(blocks):
         if not isinstance(block, ResidualBlock):
@@ -90,10 +90,10 @@ def _check_shapes(block: ResidualBlock, i: int, residual: str, parameters: int |
     if block.covariance is not None:
         expected["covariance"] = (n, n)
     for argument, shape in expected.items():
-        found = getattr(block, argument)
-        if np.shape(found) != shape or not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu":
-            kind = f" of {found.dtype}" if isinstance(found, np.ndarray) else f" ({type(found).__name__})"
-            values = {f"{argument} of block {i}": f"{np.shape(found)}{kind}", "expected": f"{shape} of real numbers"}
+        array = getattr(block, argument)
+        if np.shape(array) != shape or not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
+            kind = f" of {array.dtype}" if isinstance(array, np.ndarray) else f" ({type(array).__name__})"
+            values = {f"{argument} of block {i}": f"{np.shape(array)}{kind}", "expected": f"{shape} of real numbers"}
             raise FemtuneError("residual.own/shape", values=values, residual=residual, argument=argument)
     if not isinstance(block.sd, Real) or not block.sd > 0.0:
         raise FemtuneError("residual.own/sd", values={f"sd of block {i}": block.sd}, residual=residual)

@@ -85,9 +85,9 @@ def keep_paired(before: tuple[Group, ...], fresh: tuple[Group, ...]) -> tuple[Gr
     tests = {i for group, _ in fresh for i in group}
     models = {j for _, group in fresh for j in group}
     kept = [g for g in before if not tests & set(g[0]) and not models & set(g[1])]
-    found = tuple(sorted([*fresh, *kept]))
-    lost = {i for group, _ in before for i in group} - {i for group, _ in found for i in group}
-    return before if lost else found
+    pairs = tuple(sorted([*fresh, *kept]))
+    lost = {i for group, _ in before for i in group} - {i for group, _ in pairs for i in group}
+    return before if lost else pairs
 
 
 Joined = tuple[frozenset[int], ...]
@@ -170,7 +170,7 @@ def other_pairings(
     taken = {j for _, models in groups for j in models}
     free = [int(j) for j in np.flatnonzero(visible_modes(model)) if j not in taken]
     near = distance <= np.log(_OPEN_RATIO) ** 2
-    found: list[OtherPairing] = []
+    pairings: list[OtherPairing] = []
 
     def consider(new: dict[int, int], sentence: str) -> None:
         loss = sum(mac[i, partner[i]] - mac[i, j] for i, j in new.items())
@@ -178,7 +178,7 @@ def other_pairings(
         if all(near[i, j] for i, j in new.items()) and loss <= (_OPEN_WHERE_LOW if low else _OPEN):
             others = [g for g in groups if not (len(g[0]) == 1 and g[0][0] in new)]
             changed = tuple(sorted([*others, *(((i,), (j,)) for i, j in new.items())]))
-            found.append(OtherPairing(position, changed, float(loss), f"{case.name}: {sentence}"))
+            pairings.append(OtherPairing(position, changed, float(loss), f"{case.name}: {sentence}"))
 
     for i, j in partner.items():
         for k in free:
@@ -186,7 +186,7 @@ def other_pairings(
         for other, k in partner.items():
             if other > i:
                 consider({i: k, other: j}, _with(case, {i: k, other: j}))
-    return sorted(found, key=lambda one: (one.loss, one.sentence))
+    return sorted(pairings, key=lambda one: (one.loss, one.sentence))
 
 
 def _other_orders(

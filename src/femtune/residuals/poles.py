@@ -158,8 +158,8 @@ class PoleResidual(OfPairs):
                 yield ComparedPole(mine[0].case.test, tuple(mine[i].position for i in at), pole, slopes)
 
     def _block(self, pair: PairedMode, poles: Sequence[ComparedPole]) -> ResidualBlock:
-        found = [self.errors(pole) for pole in poles]
-        errors, slopes = np.concatenate([e for e, _ in found]), np.vstack([s for _, s in found])
+        pole_errors = [self.errors(pole) for pole in poles]
+        errors, slopes = np.concatenate([e for e, _ in pole_errors]), np.vstack([s for _, s in pole_errors])
         label = ", ".join(pole.label for pole in poles)
         block = self.weighted(pair.case.name, label, errors, slopes, self._weights(pair, poles))
         return replace(block, poles=tuple(PolePair(p.label, p.measured, p.pole) for p in poles))

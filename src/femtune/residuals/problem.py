@@ -139,9 +139,9 @@ class UpdateProblem:
         ------
         FemtuneError : as of `solved`, those of the residuals, ``residual.nothing-compared``
         """
-        found = self.assess(x, self.solved(x))
-        self.check_compared(found)
-        return found
+        state = self.assess(x, self.solved(x))
+        self.check_compared(state)
+        return state
 
     def solved(self, x: Reals) -> list[CaseState]:
         """States that are paired afresh, without residuals and their derivatives.

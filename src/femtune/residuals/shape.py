@@ -277,8 +277,8 @@ class ShapeResidual(PairResidual):
         """Positions among the sensors of the residual, and among those of the test."""
         if self.sensors is None:
             return np.arange(len(known)), np.arange(len(known))
-        found = {(d.node, d.direction): i for i, d in enumerate(known)}
-        pairs = [(k, found.get((d.node, d.direction), -1)) for k, d in enumerate(self.sensors)]
+        place_of = {(d.node, d.direction): i for i, d in enumerate(known)}
+        pairs = [(k, place_of.get((d.node, d.direction), -1)) for k, d in enumerate(self.sensors)]
         both = np.array([(k, i) for k, i in pairs if i >= 0], dtype=np.int64).reshape(-1, 2)
         return both[:, 0], both[:, 1]
 

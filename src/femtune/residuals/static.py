@@ -97,9 +97,9 @@ class DisplacementResidual(Residual):
         FemtuneError : ``response.static-free``, ``response.held-port``
         """
         point = state.full
-        found = static_response(point, self.test.ports(point.configured))
-        errors = found.values[:, 0] - self.test.measured
-        slopes = found.gradient[:, 0] if derivatives else np.zeros((len(errors), 0))
+        response = static_response(point, self.test.ports(point.configured))
+        errors = response.values[:, 0] - self.test.measured
+        slopes = response.gradient[:, 0] if derivatives else np.zeros((len(errors), 0))
         name, size = state.case.name, self.test.size * np.sqrt(len(errors))
         return [self.weighted(name, self.test.name, errors, slopes, self.weights, size)]
 
@@ -135,8 +135,8 @@ class ForceResidual(Residual):
         ports = self.test.ports(point.configured)
         force = ports.inputs.toarray()[:, 0]
         slopes = point.stiffness_derivatives if derivatives else ()
-        found = equation_error(point.stiffness, slopes, ports.outputs, self.test.measured, force)
+        error = equation_error(point.stiffness, slopes, ports.outputs, self.test.measured, force)
         size = float(np.linalg.norm(force)) or 1.0
-        values, jacobian = -found.error / self.sd, -found.gradient / self.sd
+        values, jacobian = -error.error / self.sd, -error.gradient / self.sd
         lost = len(values) - len(self.test.measured)
         return [self.block(state.case.name, self.test.name, values, jacobian, self.sd / size, lost=lost)]

@@ -161,12 +161,12 @@ class ResidualBlock:
         if self.covariance is None:
             return self
         variances, V = la.eigh(self.covariance)
-        found = variances > DEFINITE * variances[-1]
+        positive = variances > DEFINITE * variances[-1]
         # a combination that is lost is zero; it keeps its scale
-        scale = np.where(found, np.sqrt(np.where(found, variances, 1.0)), 1.0)
+        scale = np.where(positive, np.sqrt(np.where(positive, variances, 1.0)), 1.0)
         root = (V / scale) @ V.T
         # the scale of a shape takes one combination; another kind of covariance is not singular
-        scaled = V[:, int(np.argmin(found))] if not found.all() else None
+        scaled = V[:, int(np.argmin(positive))] if not positive.all() else None
         return replace(self, values=root @ self.values, jacobian=root @ self.jacobian, covariance=None, scaled=scaled)
 
 
@@ -284,9 +284,9 @@ def _check_covariance(matrix: Reals) -> None:
     if (variances < 0.0).any() or not np.allclose(matrix, matrix.T, rtol=1e-8, atol=0.0):
         raise _not_definite("it is not symmetric" if (variances > 0.0).all() else "it has a negative variance")
     root = np.sqrt(variances)
-    found = la.eigvalsh(matrix / np.outer(root, root))
-    if found.size and found[0] <= DEFINITE * found[-1]:
-        raise _not_definite(f"the smallest eigenvalue of the correlation matrix is {found[0]:.2g}")
+    eigenvalues = la.eigvalsh(matrix / np.outer(root, root))
+    if eigenvalues.size and eigenvalues[0] <= DEFINITE * eigenvalues[-1]:
+        raise _not_definite(f"the smallest eigenvalue of the correlation matrix is {eigenvalues[0]:.2g}")
 
 
 def _not_definite(why: str) -> FemtuneError:

@@ -325,13 +325,13 @@ def _strange(path: Path, folder: Path) -> str:
             os.path.realpath(folder), *path.parent.relative_to(folder).parts
         ):
             return "its folder is a link"
-        found, begin = os.lstat(path), os.lstat(folder / folders.FACTS_FILE)
+        status, begin = os.lstat(path), os.lstat(folder / folders.FACTS_FILE)
     except OSError as error:
         return error.strerror or str(error)
-    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
         return "it is a link, a folder, a pipe or a device"
     # the input files were written when the run began, and by the clock of the same file system
-    if found.st_mtime_ns < begin.st_mtime_ns - _TIME_STEP_NS:
+    if status.st_mtime_ns < begin.st_mtime_ns - _TIME_STEP_NS:
         return "the file of this name is older than the run"
     return ""
 

@@ -152,10 +152,10 @@ def end_marked(folder: Path) -> bool:
     """End processes that a run has started, also those in sessions of their own; False if some are still there."""
     marked = os.fsencode(f"{MARK}={folder.resolve()}")
     for _ in range(_ROUNDS):
-        found = list(_with(marked))
-        if not found:
+        processes = list(_with(marked))
+        if not processes:
             return True
-        for pid in found:
+        for pid in processes:
             _signal(os.kill, pid)
         time.sleep(_PAUSE_S)
     return False

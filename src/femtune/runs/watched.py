@@ -85,7 +85,7 @@ def watched(
     """
     python = [entry for entry in environment.get("PYTHONPATH", "").split(os.pathsep) if entry]
     search = [folder, *(folder / entry for entry in python)]
-    found: dict[str, None] = {}
+    paths: dict[str, None] = {}
     named: dict[str, None] = {}
     waiting: list[tuple[str, Sequence[Path]]] = []
     for word in words:
@@ -102,16 +102,16 @@ def watched(
         name, places = waiting.pop()
         for place in places:
             path = os.path.normpath(place / name)
-            if path in found or path in named or path == program or path.startswith((inside, *_OF_SYSTEM)):
+            if path in paths or path in named or path == program or path.startswith((inside, *_OF_SYSTEM)):
                 continue
             kind = _kind(path)
-            if kind == "file" and len(found) < _MOST_FILES:
-                found[path] = None
+            if kind == "file" and len(paths) < _MOST_FILES:
+                paths[path] = None
                 near = (folder, Path(path).parent, *search[1:])
                 waiting += [(other, near) for other in _names(_text(_beginning(path)))]
             elif kind and name in words:
                 named[path] = None
-    files = tuple(sorted(found))
+    files = tuple(sorted(paths))
     signatures = tuple(map(signature, files))
     contents = sorted(content_digest(path, known) for path, known in zip(files, signatures))
     return Watched(files, signatures, sha256("".join(contents).encode()).hexdigest(), tuple(named))
@@ -120,10 +120,10 @@ def watched(
 def signature(path: str) -> Signature:
     """Tells whether a file was changed; zeros for a file that is not there."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except (OSError, ValueError):
         return 0, 0, 0, 0
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
 @lru_cache(maxsize=4096)

@@ -101,9 +101,9 @@ def run_chains(density: LogDensity, start: Reals, rules: ChainRules, rng: np.ran
             accepted.append(state.move(adapt=False))
             kept.append(state.z.copy())
         values = np.array(kept)
-        found = r_hat(values)
-        if found < MIXED or len(kept) >= rules.most:
-            return ChainSamples(values, found, float(np.mean(accepted)), displacement(values))
+        ratio = r_hat(values)
+        if ratio < MIXED or len(kept) >= rules.most:
+            return ChainSamples(values, ratio, float(np.mean(accepted)), displacement(values))
 
 
 def r_hat(values: Reals) -> float:

@@ -174,9 +174,9 @@ class Sampler:
         linear = self._drawn(linear_surrogate(self.start.x, self.start.residuals, self.start.jacobian), self._first())
         pilot = self._solved(linear, min(_PILOTS, self.rules.draws), False)
         if self._share(linear, pilot) >= _PILOT_SHARE:
-            found = self._weighted(linear, linear, "linear", pilot)
-            if found is not None:
-                return found
+            sample = self._weighted(linear, linear, "linear", pilot)
+            if sample is not None:
+                return sample
         else:
             self.tried.append(self._words("the linearised residuals", linear, pilot))
         return self._by_surrogate(linear)
@@ -195,9 +195,9 @@ class Sampler:
         self._solved(drawn, _PLAIN_ROUND, False)
         drawn = self._refined(drawn, degree, final=True)
         for _ in range(2):
-            found = self._weighted(drawn, linear, "surrogate")
-            if found is not None:
-                return found
+            sample = self._weighted(drawn, linear, "surrogate")
+            if sample is not None:
+                return sample
             drawn = self._refined(drawn, degree, final=True)
         raise self._not_sampled("; ".join(self.tried))
 
@@ -280,8 +280,8 @@ class Sampler:
     def _solved(self, drawn: _Drawn, count: int, derivatives: bool) -> list[tuple[Known, Reals]]:
         """The model at some samples; it is kept for surrogates."""
         x, theta = self._choose(drawn, count)
-        found = self.model(list(x), derivatives)
-        solved = [(f, t) for f, t in zip(found, theta) if f is not None]
+        residuals = self.model(list(x), derivatives)
+        solved = [(f, t) for f, t in zip(residuals, theta) if f is not None]
         self.gradients += count if derivatives else 0
         self.plain += 0 if derivatives else count
         self.failed += count - len(solved)

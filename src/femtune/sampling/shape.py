@@ -80,5 +80,5 @@ def far_from(x: Reals, point: Reals) -> bool:
     values, V = np.linalg.eigh(covariance)
     root = V / np.sqrt(np.maximum(values, 1e-14 * values.max()))
     tree = cKDTree(np.unique(x, axis=0) @ root)
-    own = float(tree.query(tree.data, k=2)[0][:, 1].max())
-    return bool(tree.query(point @ root)[0] > _FAR * own)
+    spacing = float(tree.query(tree.data, k=2)[0][:, 1].max())
+    return bool(tree.query(point @ root)[0] > _FAR * spacing)

@@ -137,9 +137,9 @@ class Monomials:
         """(n, k) gradient by t of a function with the gradient (n, q) by the monomials."""
         by_value, by_t = slope.copy(), np.zeros_like(t)
         for (parent, variable), (to_parent, to_variable, first, low) in zip(self._levels[::-1], self._sums[::-1]):
-            own = by_value[:, first : first + len(parent)]
-            by_t += (own * values[:, parent]) @ to_variable
-            by_value[:, low : low + to_parent.shape[1]] += (own * t[:, variable]) @ to_parent
+            columns = by_value[:, first : first + len(parent)]
+            by_t += (columns * values[:, parent]) @ to_variable
+            by_value[:, low : low + to_parent.shape[1]] += (columns * t[:, variable]) @ to_parent
         return by_t
 
 
@@ -168,9 +168,9 @@ class PolynomialResiduals:
         x : (p, k) points over which combinations of residuals that hardly vary are taken as constant
         sigma : size of the errors of each group
         """
-        found, by_group, B = self.residuals(x), [], []
+        residuals, by_group, B = self.residuals(x), [], []
         for group, size in zip(likelihood.groups, sigma):
-            basis = _directions(found[:, group.rows], likelihood.B[group.rows], _VARIES * float(size))
+            basis = _directions(residuals[:, group.rows], likelihood.B[group.rows], _VARIES * float(size))
             by_group.append(np.ascontiguousarray(self.coefficients[:, group.rows] @ basis))
             B.append(np.ascontiguousarray(basis.T @ likelihood.B[group.rows]))
         return ReducedSurrogate(self.scaled, self.monomials, tuple(by_group), tuple(B), likelihood)

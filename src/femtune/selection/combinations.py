@@ -156,8 +156,8 @@ def sparse_basis(vectors: Reals) -> Reals:
     # the criterion has saddles, (1, 1) and (1, −1) for one, so that it is climbed from several turned bases
     rng = np.random.default_rng(0)
     starts = [np.linalg.qr(rng.standard_normal((m, m)))[0] for _ in range(_VARIMAX_STARTS)]
-    found = [_varimax(vectors, start) for start in starts]
-    basis = max(found, key=lambda rows: float((rows**4).sum()))
+    rotated = [_varimax(vectors, start) for start in starts]
+    basis = max(rotated, key=lambda rows: float((rows**4).sum()))
     basis[np.abs(basis) < 1e-3] = 0.0
     return np.array([_signed(row) for row in basis])
 

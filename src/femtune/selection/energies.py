@@ -46,8 +46,10 @@ def element_energies(point: ModelPoint, kind: MatrixKind, vectors: Reals) -> tup
 def _energies(term: Term, factor: Reals, motion: Reals) -> Reals:
     out = np.empty((len(term.elements), motion.shape[1]))
     for part in term.parts():
-        own = motion[term.dofs[part]]
-        out[part] = factor[term.columns[part], None] * np.einsum("eim,eim->em", own, term.matrices(part) @ own)
+        displacements = motion[term.dofs[part]]
+        out[part] = factor[term.columns[part], None] * np.einsum(
+            "eim,eim->em", displacements, term.matrices(part) @ displacements
+        )
     return out
 
 

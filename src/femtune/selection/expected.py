@@ -164,7 +164,7 @@ def expected_knowledge(
     # what does not move has no spread, whatever the data are
     together, alone = (np.where(prior_sd > 0.0, x, 0.0) * prior_sd for x in (np.where(open_, np.inf, sd), alone))
     correlation = covariance / np.outer(safe, safe)
-    own = noise if measured else None
+    stated_noise = noise if measured else None
     return ExpectedKnowledge(
         names=names,
         prior_sd=prior_sd,
@@ -174,7 +174,7 @@ def expected_knowledge(
         null=null,
         measured=measured,
         misfit=misfit,
-        noise=own,
+        noise=stated_noise,
     )
 
 
@@ -199,9 +199,9 @@ def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:
         rng = np.random.default_rng(i)
         drawn = drawn_changes(at.weighted, "noise", rng)
         changes = [_own_noise(b, rng) if c is None else c for b, c in zip(at.weighted, drawn)]
-        found = np.concatenate([change for change in changes if change is not None])
-        sums[i] = found @ jacobian_rows
-        squares[i] = _square_outside(found, basis)
+        noise = np.concatenate([change for change in changes if change is not None])
+        sums[i] = noise @ jacobian_rows
+        squares[i] = _square_outside(noise, basis)
     others = sum((rows[i].T @ rows[i] for i, is_so in enumerate(identified) if not is_so), np.zeros((S.shape[1],) * 2))
     square = _square_outside(np.concatenate([left[i] for i in mine]), basis)
     large = square > np.quantile(squares, 1.0 - _BY_CHANCE)

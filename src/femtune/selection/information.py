@@ -149,9 +149,9 @@ class Collinearity:
     def pairs(self) -> tuple[tuple[str, str, float], ...]:
         """Pairs of parameters with nearly the same effect, most similar first."""
         i, j = np.triu_indices(len(self.names), 1)
-        found = [(int(a), int(b)) for a, b in zip(i, j) if abs(self.cosine[a, b]) >= ALIKE]
-        found.sort(key=lambda p: -abs(self.cosine[p]))
-        return tuple((self.names[a], self.names[b], float(self.cosine[a, b])) for a, b in found)
+        alike = [(int(a), int(b)) for a, b in zip(i, j) if abs(self.cosine[a, b]) >= ALIKE]
+        alike.sort(key=lambda p: -abs(self.cosine[p]))
+        return tuple((self.names[a], self.names[b], float(self.cosine[a, b])) for a, b in alike)
 
     @property
     def dependences(self) -> tuple[tuple[float, tuple[str, ...]], ...]:
@@ -169,8 +169,8 @@ def collinearity(S: Reals, names: tuple[str, ...]) -> Collinearity:
     effect = np.linalg.norm(S, axis=0)
     used = effect > 1e-12 * effect.max(initial=0.0)
     unit = S / np.where(used, effect, 1.0) * used
-    own = unit[:, used]
-    values, vectors = _directions(own)
+    columns = unit[:, used]
+    values, vectors = _directions(columns)
     k, u = len(names), np.flatnonzero(used)
     indices, shares = np.full(k, np.inf), np.zeros((k, k))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -80,9 +80,9 @@ def residual_energy(
     misfit = float(np.linalg.norm(psi - C @ phi) / np.linalg.norm(psi))
     shares, strain = (_in_groups(solution, v, groups) for v in (r, phi))
     # measured in K alone: what the shift of a free structure adds has no place in an element
-    whole, own = float(shares.sum()), float(strain.sum())
+    whole, elements = float(shares.sum()), float(strain.sum())
     with np.errstate(divide="ignore", invalid="ignore"):
-        density = np.where(strain > 1e-12 * own, shares / strain, np.nan)
+        density = np.where(strain > 1e-12 * elements, shares / strain, np.nan)
     error = float(np.sqrt(r @ (K @ r) / (phi @ (K @ phi))))
     return ResidualEnergy(tuple(groups), shares / (whole or 1.0), density, error, misfit, phi)
 

@@ -54,10 +54,10 @@ def smallest_largest(
         if least <= enough or radius < _SMALLEST_RADIUS:
             break
         x, box = best.x[moving], radius * width
-        found = _step(best.residuals, best.jacobian[:, moving], np.maximum(lower - x, -box), np.minimum(upper - x, box))
-        if found is None or least - found[1] < _LEAST_GAIN * least:
+        step = _step(best.residuals, best.jacobian[:, moving], np.maximum(lower - x, -box), np.minimum(upper - x, box))
+        if step is None or least - step[1] < _LEAST_GAIN * least:
             break
-        d, predicted = found
+        d, predicted = step
         point = best.x.copy()
         point[moving] += d
         try:
@@ -77,14 +77,14 @@ def smallest_largest(
 def _step(r: Reals, J: Reals, low: Reals, high: Reals) -> tuple[Reals, float] | None:
     """The step d, and t = max |r + Jd|, of the linear program min t, |r + Jd| <= t, low <= d <= high."""
     k, one = J.shape[1], np.ones((len(r), 1))
-    found = linprog(
+    solution = linprog(
         np.append(np.zeros(k), 1.0),
         A_ub=np.block([[J, -one], [-J, -one]]),
         b_ub=np.concatenate([-r, r]),
         bounds=[*zip(low, np.maximum(low, high)), (0.0, None)],
         method="highs",
     )
-    return (found.x[:k], float(found.x[k])) if found.success else None
+    return (solution.x[:k], float(solution.x[k])) if solution.success else None
 
 
 def _largest(at: Evaluation) -> float:

@@ -127,9 +127,9 @@ def line_smoothness(
     """
     line = _Line(along, lower, upper, rules)
     line.refine()
-    x, found = np.array(sorted(line.known)), [line.known[x] for x in sorted(line.known)]
-    good = np.array([f is not None for f in found])
-    pairs = np.array([f for f in found if f is not None]).reshape(-1, 2)
+    x, values = np.array(sorted(line.known)), [line.known[x] for x in sorted(line.known)]
+    good = np.array([f is not None for f in values])
+    pairs = np.array([f for f in values if f is not None]).reshape(-1, 2)
     x, failed = x[good], int((~good).sum())
     holds, where = line.worst()
     minima = _minima(x, pairs[:, 0], rules.depth)

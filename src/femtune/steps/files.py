@@ -117,10 +117,10 @@ def read_test(
     >>> test.modes.freq_hz.round(2), test.modes.shapes.shape
     (array([ 27.08,  44.7 , 202.89, 317.97]), (8, 4))
     """
-    own = None if units is None else unit_system(units_word(units))
+    system = None if units is None else unit_system(units_word(units))
     if is_shape_table(Path(path)):
-        return read_shape_table(Path(path), own or SI, name)
-    return read_uff(path, units=None, file_units=own, records=records, name=name).test
+        return read_shape_table(Path(path), system or SI, name)
+    return read_uff(path, units=None, file_units=system, records=records, name=name).test
 
 
 @checked

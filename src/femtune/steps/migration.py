@@ -40,6 +40,6 @@ def migrate(data: dict[str, Any]) -> None:
 
 
 def _records(data: Mapping[str, Any], step: str, field: str) -> list[dict[str, Any]]:
-    found = data.get(step)
-    records = found.get(field) if isinstance(found, dict) else None
+    stored = data.get(step)
+    records = stored.get(field) if isinstance(stored, dict) else None
     return [r for r in records if isinstance(r, dict)] if isinstance(records, list) else []

@@ -52,8 +52,8 @@ class ReportSource:
 
     def at(self, configuration: str, version: ModelVersion) -> CorrelationResults | None:
         """The comparison of one configuration at one model version."""
-        found = (c for c in self.results.correlations if (c.configuration, c.stage) == (configuration, version))
-        return next(found, None)
+        correlations = (c for c in self.results.correlations if (c.configuration, c.stage) == (configuration, version))
+        return next(correlations, None)
 
     def before(self, configuration: str) -> CorrelationResults | None:
         """The comparison before the update."""
@@ -85,8 +85,8 @@ class ReportSource:
 
     def scores(self, version: ModelVersion) -> Scores | None:
         """Scores over all configurations; None where that version was not solved."""
-        found = [c for c in self.results.correlations if c.stage == version]
-        return scores_of(found) if found else None
+        correlations = [c for c in self.results.correlations if c.stage == version]
+        return scores_of(correlations) if correlations else None
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def left_out_modes(correlations: Iterable[CorrelationResults]) -> list[LeftOut]:
     for c in correlations:
         for m in c.left_out:
             by_reason.setdefault(m.reason, {}).setdefault(c.configuration, []).append(m.test_label)
-    return [entry for reason, found in by_reason.items() for entry in _joined(reason, found)]
+    return [entry for reason, labels in by_reason.items() for entry in _joined(reason, labels)]
 
 
 def _joined(reason: str, groups: Mapping[str, list[str]]) -> list[LeftOut]:

@@ -73,9 +73,9 @@ def _bounds(file: StudyFile, structure: Structure, targets: Sequence[Target]) ->
             continue
         for key in ("lower", "nominal", "upper"):
             given = getattr(entry, key)
-            found = None if given is None else next(_problems(structure, target, float(given), key), None)
-            if found is not None:
-                ref, value, problem = found
+            doubt = None if given is None else next(_problems(structure, target, float(given), key), None)
+            if doubt is not None:
+                ref, value, problem = doubt
                 in_percent, plain = "parameter.meaningless-bound/percent", "parameter.meaningless-bound"
                 yield Notice(
                     in_percent if _in_percent(entry) else plain, where=target.where, parameter=entry.name,

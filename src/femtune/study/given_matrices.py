@@ -109,10 +109,10 @@ def _checksum(array: Any) -> str:
     coo = sp.coo_array(array)
     coo.sum_duplicates()
     parts: Iterable[NDArray[Any]] = (np.array(coo.shape), coo.row.astype(np.int64), coo.col.astype(np.int64), coo.data)
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for part in parts:
-        found.update(np.ascontiguousarray(part).tobytes())
-    return found.hexdigest()[:_DIGITS]
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()[:_DIGITS]
 
 
 def _dof(given: Any) -> Dof:

@@ -33,28 +33,28 @@ class Input:
 
 def named_inputs(file: StudyFile | IdentifyFile) -> tuple[Input, ...]:
     """The file itself, and those that its keys name."""
-    own = "study file" if isinstance(file, StudyFile) else "identification file"
-    found = [Input(file.path, Where(str(file.path)), own)] if is_file(file.path) else []
+    kind = "study file" if isinstance(file, StudyFile) else "identification file"
+    inputs = [Input(file.path, Where(str(file.path)), kind)] if is_file(file.path) else []
     given = file.given.names if isinstance(file, StudyFile) else set()
     for key in files_named(type(file), file):
         path = file.path.parent / key.name
         # an object that was given may be of no file, and a word of a command may name none
         if is_file(path) or (key.kind.needed and key.name not in given):
-            found.append(Input(path, file.where(*key.place), key.kind.what))
-    return tuple(found)
+            inputs.append(Input(path, file.where(*key.place), key.kind.what))
+    return tuple(inputs)
 
 
 def inputs_of_study(study: Study) -> tuple[Input, ...]:
     """All input files of a study, each once: with INCLUDEs, files beside matrices, and those of described tests."""
     named = named_inputs(study.file)
     deck = study.file.where("study", "deck")
-    found = {os.path.abspath(name): Input(Path(name), deck, "deck") for name in study.built.files}
+    inputs = {os.path.abspath(name): Input(Path(name), deck, "deck") for name in study.built.files}
     for one in named:
-        found.setdefault(os.path.abspath(one.path), one)
+        inputs.setdefault(os.path.abspath(one.path), one)
     for one in named:
-        for further in _named_by(one, found):
-            found.setdefault(os.path.abspath(further.path), further)
-    return tuple(found.values())
+        for further in _named_by(one, inputs):
+            inputs.setdefault(os.path.abspath(further.path), further)
+    return tuple(inputs.values())
 
 
 def _named_by(one: Input, known: Iterable[str]) -> Iterator[Input]:
@@ -99,11 +99,11 @@ def _identities(path: Path) -> Iterator[object]:
     """What two names of one file have in common: the path without links, and the file itself where it exists."""
     yield os.path.realpath(path)
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except (OSError, ValueError):
         return
-    if found.st_ino:
-        yield found.st_dev, found.st_ino
+    if status.st_ino:
+        yield status.st_dev, status.st_ino
 
 
 def _overwrites(one: Input, output: Path) -> FemtuneError:

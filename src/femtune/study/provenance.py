@@ -85,11 +85,11 @@ def inputs_of(study: Study) -> Inputs:
     base = study.file.path.parent
     text = study.file.given.text
     if text is None:
-        own = _input(study.file.path, base)
+        study_input = _input(study.file.path, base)
     else:
-        own = InputFile(path=IN_MEMORY, sha256=hashlib.sha256(text.encode()).hexdigest())
+        study_input = InputFile(path=IN_MEMORY, sha256=hashlib.sha256(text.encode()).hexdigest())
     read = (one.path for one in inputs_of_study(study) if one.what != "study file")
-    return Inputs(own, tuple(_input(path, base) for path in read))
+    return Inputs(study_input, tuple(_input(path, base) for path in read))
 
 
 def call(word: str, source: Path | str | StudyFile) -> str:

@@ -109,9 +109,9 @@ class KernelSum:
         away = self._away(u)
         squared = np.sum(away**2, axis=2)
         bent, curved = (part(squared) * self.weights for part in (self.kind.slope, self.kind.curvature))
-        found = 4.0 * np.einsum("ki,kin,kim->knm", curved, away, away)
-        found = found + 2.0 * np.sum(bent, axis=1)[:, None, None] * np.eye(len(self.lengths))
-        return np.asarray(found / np.outer(self.lengths, self.lengths))
+        curvature = 4.0 * np.einsum("ki,kin,kim->knm", curved, away, away)
+        curvature = curvature + 2.0 * np.sum(bent, axis=1)[:, None, None] * np.eye(len(self.lengths))
+        return np.asarray(curvature / np.outer(self.lengths, self.lengths))
 
     def _away(self, u: Reals) -> Reals:
         return np.asarray((u[:, None] - self.runs[None]) / self.lengths)

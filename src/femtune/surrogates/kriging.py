@@ -123,18 +123,18 @@ class KrigedResponse:
 
     def value(self, u: Reals) -> Reals:
         """(k,) at points (k, n)."""
-        found = terms(u, self.rules.trend) @ self.trend
-        return np.asarray(found if self._process is None else found + self._process.value(u))
+        value = terms(u, self.rules.trend) @ self.trend
+        return np.asarray(value if self._process is None else value + self._process.value(u))
 
     def slopes(self, u: Reals) -> Reals:
         """(k, n) first derivatives."""
-        found = np.einsum("kqn,q->kn", term_slopes(u, self.rules.trend), self.trend)
-        return np.asarray(found if self._process is None else found + self._process.slopes(u))
+        slope = np.einsum("kqn,q->kn", term_slopes(u, self.rules.trend), self.trend)
+        return np.asarray(slope if self._process is None else slope + self._process.slopes(u))
 
     def curvatures(self, u: Reals) -> Reals:
         """(k, n, n) second derivatives; Matérn 3/2 has none at the runs."""
-        found = np.einsum("kqnm,q->knm", term_curvatures(u, self.rules.trend), self.trend)
-        return np.asarray(found if self._process is None else found + self._process.curvatures(u))
+        curvature = np.einsum("kqnm,q->knm", term_curvatures(u, self.rules.trend), self.trend)
+        return np.asarray(curvature if self._process is None else curvature + self._process.curvatures(u))
 
     def spread(self, u: Reals) -> Reals:
         """(k,) standard deviation of a run: process, noise, and what the trend's coefficients add."""

@@ -92,8 +92,8 @@ class Surrogate:
     def predict(self, x: Reals) -> Reals:
         """(k, m) responses at points (k, n); accepts complex values."""
         u = self._unit(np.atleast_2d(x))
-        found = self.centre + self.scale * np.stack([fit.value(u) for fit in self.fits], axis=1)
-        return np.asarray(np.exp(found) if self.rules.logarithms else found)
+        predicted = self.centre + self.scale * np.stack([fit.value(u) for fit in self.fits], axis=1)
+        return np.asarray(np.exp(predicted) if self.rules.logarithms else predicted)
 
     def predict_sd(self, x: Reals) -> Reals:
         """(k, m) standard deviations of a run at points (k, n); of its logarithm, with `logarithms`."""

@@ -207,8 +207,8 @@ class Bootstrap:
         """What is drawn of the residuals; None for noise and for identified tests (errors of `drawn_groups`)."""
         if self.rules.method == "noise":
             return None
-        found = drawn_groups(self.at.weighted, self.rules.method)
-        return None if self.identified else found
+        groups = drawn_groups(self.at.weighted, self.rules.method)
+        return None if self.identified else groups
 
     @cached_property
     def groups(self) -> int:
@@ -456,8 +456,8 @@ class BootstrapResult:
     @cached_property
     def samples(self) -> Reals:
         """(runs, k) normalised parameters of the runs that converged."""
-        found = [r.x for r in self.runs if r.converged]
-        return np.array(found) if found else np.zeros((0, len(self.at)))
+        values = [r.x for r in self.runs if r.converged]
+        return np.array(values) if values else np.zeros((0, len(self.at)))
 
     @property
     def solutions(self) -> int:

@@ -43,8 +43,8 @@ class ForwardCheck:
     @property
     def covariance(self) -> Reals:
         """(m, m) of the samples, with that of the measurement errors."""
-        own = np.atleast_2d(np.cov(self.z.T))
-        return own if self.measured.noise is None else own + self.measured.noise
+        scatter = np.atleast_2d(np.cov(self.z.T))
+        return scatter if self.measured.noise is None else scatter + self.measured.noise
 
     @property
     def sd(self) -> Reals:

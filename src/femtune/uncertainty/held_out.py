@@ -138,9 +138,9 @@ def check_held_out(held: Reals, fit: Fit, seed: int = 0) -> HeldOutCheck | None:
 def _repeated(fit: Fit, root: Reals, used: Flags, count: int, rng: np.random.Generator) -> tuple[float, float]:
     """The differences of repeats for fit and check that are drawn from the predicted distribution."""
     drawn = fit.mean + rng.standard_normal((fit.repeats + count, len(fit.mean))) @ root.T
-    own, held = drawn[: fit.repeats], drawn[fit.repeats :]
-    mean = fit.mean + fit.projection @ (own.mean(axis=0) - fit.mean)
-    covariance = fit.projection @ (np.atleast_2d(np.cov(own.T)) - fit.noise) @ fit.projection.T + fit.noise
+    fitted, held = drawn[: fit.repeats], drawn[fit.repeats :]
+    mean = fit.mean + fit.projection @ (fitted.mean(axis=0) - fit.mean)
+    covariance = fit.projection @ (np.atleast_2d(np.cov(fitted.T)) - fit.noise) @ fit.projection.T + fit.noise
     return differences(held[:, used], mean[used], covariance[np.ix_(used, used)], fit.repeats)
 
 

@@ -161,9 +161,9 @@ def normal_scores(table: Reals) -> Reals:
         known = np.flatnonzero(np.isfinite(column))
         _, at, counts = np.unique(column[known], return_inverse=True, return_counts=True)
         ranks = (np.cumsum(counts) - 0.5 * (counts - 1.0))[at]
-        own = ndtri((ranks - 0.375) / (len(known) + 0.25))
-        size = np.sqrt(np.mean((own - own.mean()) ** 2))
-        scores[known, j] = (own - own.mean()) / (size or 1.0)
+        normal = ndtri((ranks - 0.375) / (len(known) + 0.25))
+        size = np.sqrt(np.mean((normal - normal.mean()) ** 2))
+        scores[known, j] = (normal - normal.mean()) / (size or 1.0)
     return scores
 
 

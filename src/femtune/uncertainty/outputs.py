@@ -76,8 +76,8 @@ class Counted:
         finished : is called with the position and the outputs of each other point when they are there
         """
         self.solutions += len(theta)
-        found = finish(executor, self.outputs.values, list(theta), known, name="sample", finished=finished)
-        return np.array([_finite(z, row) for z, row in zip(found, theta)])
+        outputs = finish(executor, self.outputs.values, list(theta), known, name="sample", finished=finished)
+        return np.array([_finite(z, row) for z, row in zip(outputs, theta)])
 
     def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
         """As of the outputs; ``quantify.not-finite`` if they are not finite."""
@@ -284,12 +284,12 @@ def _close_together(state: CaseState) -> tuple[Group, ...]:
     Elsewhere in the cloud they may repeat, where only their subspace can be followed.
     """
     close = {j: n for n, c in enumerate(clusters(state.solution.freq_hz, state.case.rules.relative_gap)) for j in c}
-    found: dict[int, tuple[list[int], list[int]]] = {}
+    groups: dict[int, tuple[list[int], list[int]]] = {}
     for tests, models in state.groups:
-        joined = found.setdefault(close.get(models[0], -1 - models[0]), ([], []))
+        joined = groups.setdefault(close.get(models[0], -1 - models[0]), ([], []))
         joined[0].extend(tests)
         joined[1].extend(models)
-    return tuple(sorted((tuple(sorted(t)), tuple(sorted(m))) for t, m in found.values()))
+    return tuple(sorted((tuple(sorted(t)), tuple(sorted(m))) for t, m in groups.values()))
 
 
 def _frequencies(at: Evaluation) -> list:
@@ -362,8 +362,8 @@ class EigenvalueOutputs:
     @cached_property
     def groups(self) -> tuple[tuple[int, ...], ...]:
         """Positions of the modes of each subspace at the reference."""
-        found = clusters(self._reference.freq_hz[: self.count], self.relative_gap)
-        return tuple(tuple(sorted(g)) for g in found)
+        groups = clusters(self._reference.freq_hz[: self.count], self.relative_gap)
+        return tuple(tuple(sorted(g)) for g in groups)
 
     def _solved(self, theta: Reals) -> EigenSolution:
         x = self.configured.model.parameters.normalise(theta)

@@ -126,8 +126,8 @@ class OutputStatistics:
     @property
     def complete(self) -> bool:
         """True if mean and covariance are those of the repeats, without missing values or measurement errors."""
-        own = self.noise is None and not self.robust
-        return own and len(self.repeats) > 0 and bool(np.isfinite(self.repeats).all())
+        plain = self.noise is None and not self.robust
+        return plain and len(self.repeats) > 0 and bool(np.isfinite(self.repeats).all())
 
     @property
     def structural(self) -> Reals:

@@ -163,8 +163,8 @@ def calibration(n: int, m: int) -> _Calibration:
     parts = np.split(tables, range(at_once, _CALIBRATION_TABLES, at_once))
     raw = [raw_distances(part)[0] for part in parts]
     cut = float(np.quantile(np.concatenate(raw), _REWEIGHTING_QUANTILE))
-    found = [_reweighted(part, d2, cut) for part, d2 in zip(parts, raw)]
-    covariance, d2 = (np.concatenate([f[i] for f in found]) for i in (1, 2))
+    reweighted = [_reweighted(part, d2, cut) for part, d2 in zip(parts, raw)]
+    covariance, d2 = (np.concatenate([f[i] for f in reweighted]) for i in (1, 2))
     factor = float(m / np.trace(covariance, axis1=1, axis2=2).mean())
     plain = np.linalg.norm(_whitened(tables), axis=2).max(axis=1)
     return _Calibration(cut, factor, np.stack([np.sqrt(d2.max(axis=1) / factor), plain]))

@@ -275,8 +275,8 @@ def corrected(model: QuadraticModel, measured: OutputStatistics, by: LinearEstim
 
 
 def _of_repeats(model: QuadraticModel, repeats: Reals, by: LinearEstimator) -> tuple[Reals, Reals] | None:
-    found = [_inverse(model, z, by) for z in repeats]
-    cloud = np.array([theta for theta in found if theta is not None])
+    parameters = [_inverse(model, z, by) for z in repeats]
+    cloud = np.array([theta for theta in parameters if theta is not None])
     if len(cloud) < len(repeats):
         return None
     return cloud.mean(axis=0), np.atleast_2d(np.cov(cloud.T))
@@ -742,6 +742,6 @@ def _check_start(names: tuple[str, ...], start: Reals, sd: Reals) -> None:
 
 
 def _check_outputs(counted: Counted, measured: OutputStatistics, start: Reals) -> None:
-    found = len(counted.linearised(start)[0])
-    if found != len(measured.mean):
-        raise FemtuneError("quantify.size/outputs", values={"predicted": found, "measured": len(measured.mean)})
+    size = len(counted.linearised(start)[0])
+    if size != len(measured.mean):
+        raise FemtuneError("quantify.size/outputs", values={"predicted": size, "measured": len(measured.mean)})

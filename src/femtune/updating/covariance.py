@@ -186,9 +186,9 @@ def parameter_covariance(
         }
         size, known = _Size({}, np.inf), np.zeros(len(free), bool)
     rows = np.concatenate([[size.by_kind.get(kind, 1.0) for kind in kinds], np.ones(len(extra))])
-    own = fit.covariance(rows, None if noise is None else noise[np.ix_(free, free)])
+    of_fit = fit.covariance(rows, None if noise is None else noise[np.ix_(free, free)])
     matrix = np.full((len(at_bound), len(at_bound)), np.nan)
-    matrix[np.ix_(free[known], free[known])] = (np.outer(prior_sd[free], prior_sd[free]) * own)[np.ix_(known, known)]
+    matrix[np.ix_(free[known], free[known])] = (np.outer(prior_sd[free], prior_sd[free]) * of_fit)[np.ix_(known, known)]
     estimated = scatter == "estimated" and noise is None
     posterior = (
         None if box is None

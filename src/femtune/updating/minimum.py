@@ -181,8 +181,8 @@ class _Search:
         start, spare = held.assess(self.best.before.x, states), self._spare("pairing")
         way = self._update("pairing", held, start, smallest=False, most=max(spare // 2, _LEAST_EFFORT))
         left = max(spare - len(way.history) + 1, _LEAST_EFFORT)
-        found = self._update("pairing", self.problem, self.problem.start(way.x), most=left)
-        return _Way(found, (*way.history, *found.history[1:]))
+        result = self._update("pairing", self.problem, self.problem.start(way.x), most=left)
+        return _Way(result, (*way.history, *result.history[1:]))
 
     def _pairings(self) -> list[str]:
         """Other pairings from the best end, again from every better one; those that are left, in words."""
@@ -198,20 +198,20 @@ class _Search:
     def _ranked(self) -> list[OtherPairing]:
         """Other pairings by the objective that the linear model expects after a step with them."""
         at = self.best.after
-        found = [
+        alternatives = [
             one
             for i, state in enumerate(at.states)
             if state.groups
             for one in other_pairings(i, state.case, state.groups, state.solution)
         ]
-        if len(found) < 2 or not (self._small or self._reduced):
-            return found
+        if len(alternatives) < 2 or not (self._small or self._reduced):
+            return alternatives
         walk = self._walk()
         worth = {}
-        for one in found[:_MOST_RANKED]:
+        for one in alternatives[:_MOST_RANKED]:
             point = walk.point(self.problem.assess(at.x, self._states(one)))
             worth[one.sentence] = point.objective - walk.best_gain(point)
-        return sorted(found[:_MOST_RANKED], key=lambda one: worth[one.sentence])
+        return sorted(alternatives[:_MOST_RANKED], key=lambda one: worth[one.sentence])
 
     def _walk(self) -> Walk:
         return Walk(self.problem, moving_parameters(self.problem, self.best.active), self.best.side)
@@ -229,8 +229,8 @@ class _Search:
         reached, before = (2.0 * objective_over(self.problem, r, tests) for r in (way, self.best))
         if not _lower(reached, before):
             return _Way(way, way.history, ends_held=True)
-        found = self._update("pairing", self.problem, self.problem.start(way.x))
-        return _Way(found, (*way.history, *found.history[1:]), held=reached)
+        result = self._update("pairing", self.problem, self.problem.start(way.x))
+        return _Way(result, (*way.history, *result.history[1:]), held=reached)
 
     def _update(
         self,
@@ -284,8 +284,8 @@ class _Search:
             new, old = (objective_over(self.problem, r, tests) for r in (first, self.best))
             if new - _CURVED_GAIN * walk.best_gain(walk.point(first.after)) > old:
                 return _Way(first, first.history)
-        found = self._update("start", self.problem, first.after)
-        return _Way(found, (*first.history, *found.history[1:]))
+        result = self._update("start", self.problem, first.after)
+        return _Way(result, (*first.history, *result.history[1:]))
 
     def _judge(self, kind: TrialKind, sentence: str, trial: Callable[[], _Way]) -> None:
         """Make a trial, and keep the better end."""

@@ -338,8 +338,8 @@ class ReducedSearch:
         if not any(self.functions):
             return Agreement(tuple(errors), None)
         pair = ([b for _, blocks in self._functions(x, of) for b in blocks] for of in (self.trained, better))
-        found = frf_agreement(*pair)
-        return Agreement(tuple(errors), replace(found, compared=self._enlarged(better)))
+        agreement = frf_agreement(*pair)
+        return Agreement(tuple(errors), replace(agreement, compared=self._enlarged(better)))
 
     def _functions(
         self, x: Reals, trained: Sequence[Trained]
@@ -350,9 +350,9 @@ class ReducedSearch:
             state = CaseState(case, case.configured.at(x))
             for residual in case.residuals:
                 if isinstance(residual, ReducedFrfs):
-                    found = residual.functions(state, True)
-                    own = residual.own
-                    yield (i, own, KnownFunctions(*found, model.order)), own.compared(*found)
+                    computed = residual.functions(state, True)
+                    full_residual = residual.own
+                    yield (i, full_residual, KnownFunctions(*computed, model.order)), full_residual.compared(*computed)
 
     def assess(self, x: Reals, states: Sequence[CaseState], better: Sequence[Trained]) -> Evaluation:
         """Residuals of the full models; of FRFs those of the bases that hold the full models' modes and responses."""
@@ -367,9 +367,9 @@ class ReducedSearch:
         ------
         FemtuneError : those of the residuals, ``residual.nothing-compared``
         """
-        found = self.assess(before.x, list(before.states), self.trained)
-        self.problem.check_compared(found)
-        return found
+        state = self.assess(before.x, list(before.states), self.trained)
+        self.problem.check_compared(state)
+        return state
 
     def enriched(self, x: Reals, solutions: Sequence[EigenSolution]) -> list[Trained]:
         """The models with the full modes, and the static responses that FRFs need, at a point where they are solved.
@@ -475,10 +475,10 @@ def update_reduced(
     if not any(state.case.on_modes or _served(state, rules) for state in before.states):
         # there is nothing that a reduced model would serve
         before = start or problem.assess(before.x, before.states)
-        found = update(problem, method, report, before, active)
+        updated = update(problem, method, report, before, active)
         if further is not None:
-            found = look_further(problem, method, found, further, report)
-        return ReducedUpdate(found, (), (NOTHING_REDUCED,), True)
+            updated = look_further(problem, method, updated, further, report)
+        return ReducedUpdate(updated, (), (NOTHING_REDUCED,), True)
     search = train(problem, rules, before, told, active) if search is None else replace(search, history=[])
     before = start or search.assessed(before)
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
@@ -594,9 +594,9 @@ def _acting(case: ComparedCase) -> NDArray[np.bool_]:
 def _shared(trainers: Sequence[Trainer | ComponentTrainer], trained: Sequence[Trained]) -> Trained | None:
     """The earlier training that serves the last trainer; None if none has the same matrices and points."""
     last = trainers[-1]
-    for other, found in zip(trainers, trained):
+    for other, basis in zip(trainers, trained):
         if isinstance(last, Trainer) and isinstance(other, Trainer) and last.served_by(other):
-            return last.taken_from(other, found)
+            return last.taken_from(other, basis)
     return None
 
 
@@ -622,8 +622,8 @@ def _most_modes(
     state: CaseState, functions: Sequence[FrfResidual], start: EigenSolution | None = None
 ) -> EigenSolution:
     """The largest of the solutions that something in a case needs."""
-    found = [modes_for(state, residual, start) for residual in functions]
-    return max([state.solution, *found] if state.case.on_modes else found, key=lambda s: s.wanted)
+    counts = [modes_for(state, residual, start) for residual in functions]
+    return max([state.solution, *counts] if state.case.on_modes else counts, key=lambda s: s.wanted)
 
 
 def _nearly(
@@ -812,8 +812,8 @@ def multi_start_reduced(
     best = on_full_model(problem, method, before, full, outcome.best, outcome.best.history)
     facts = run.search.facts(look.there.frequencies)
     search = replace(run.search, trained=look.better)
-    own = ReducedUpdate(best, facts, tuple(run.rounds), look.agree, search, look.there.functions)
-    return ReducedStarts(replace(outcome, best=best), own)
+    reduced_update = ReducedUpdate(best, facts, tuple(run.rounds), look.agree, search, look.there.functions)
+    return ReducedStarts(replace(outcome, best=best), reduced_update)
 
 
 @dataclass(eq=False)

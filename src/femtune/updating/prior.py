@@ -62,8 +62,8 @@ class Prior:
 
     def _normalised(self, parameters: ParameterSet) -> tuple[Reals, Reals]:
         """Mean and covariance of x."""
-        own, sd = parameters.prior
-        mean, covariance = np.array(own), np.diag(sd**2)
+        prior_mean, sd = parameters.prior
+        mean, covariance = np.array(prior_mean), np.diag(sd**2)
         at = [position(parameters, name) for name in self.names]
         scale = parameters.scale[at]
         mean[at] = (np.asarray(self.mean) - parameters.nominal[at]) / scale

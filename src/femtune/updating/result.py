@@ -200,7 +200,7 @@ class UpdateResult:
         truncated distribution where a bound cuts off a part of it; see `BoxPosterior`.
         """
         none = (np.nan, np.nan)
-        return {n: none if found is None else found.interval for n, found in self.marginals(level).items()}
+        return {n: none if marginal is None else marginal.interval for n, marginal in self.marginals(level).items()}
 
     def marginals(self, level: float = 0.95) -> dict[str, Marginal | None]:
         """Mean, median and interval of all parameters, tied ones too; None if none is given."""
@@ -214,8 +214,8 @@ class UpdateResult:
 
     def marginal(self, jet: Jet, values: Callable[[Reals], Reals], level: float = 0.95) -> Marginal | None:
         """The same for any quantity, from its value and derivatives at `x`, and its values at samples (n, k) of x."""
-        found = self.covariance.posterior
-        return None if found is None else found.of(jet, values, level)
+        posterior = self.covariance.posterior
+        return None if posterior is None else posterior.of(jet, values, level)
 
     def spread(self, gradient: Reals) -> float:
         """Standard deviation of a quantity with this gradient in x, by linear propagation; NaN if none is given."""

@@ -341,12 +341,12 @@ def run_stage(stage: Stage, start: Belief, tell: Tell, told: Told = NOBODY) -> S
             continue
         # the box of the parameters is that of the stage, so that all seeds go on with the models of the first run
         search = reduced[-1].search if reduced and reduced[-1] is not None else None
-        own = update_reduced(problem, method, stage.reduction, report, at, told, stage.parameters, search)
-        reduced.append(own)
-        runs.append(own.result)
+        reduced_run = update_reduced(problem, method, stage.reduction, report, at, told, stage.parameters, search)
+        reduced.append(reduced_run)
+        runs.append(reduced_run.result)
     i = best_of(problem, runs)
-    found = learned(start, runs[i])
-    return StageResult(stage, runs[i], tuple(runs), earlier, start, found.belief, found.misfit, refused, reduced[i])
+    belief = learned(start, runs[i])
+    return StageResult(stage, runs[i], tuple(runs), earlier, start, belief.belief, belief.misfit, refused, reduced[i])
 
 
 def _starts(stage: Stage, start: Belief) -> list[Reals]:

@@ -534,8 +534,8 @@ class _Search:
             best = {s.number for s in comparable(starts) if s.at_optimum and s.compared - least <= noise}
             lost = [i for i, s in enumerate(starts) if s.number not in best]
             again = self._set_out([(starts[i], self._hop(starts[i], hop)) for i in lost])
-            for i, found in zip(lost, again):
-                starts[i] = found
+            for i, result in zip(lost, again):
+                starts[i] = result
         return self._result(tuple(starts), before)
 
     def further(self, found: MultiStart, before: Evaluation, unfinished: bool) -> MultiStart:
@@ -597,7 +597,7 @@ class _Search:
 
     def _over(self, start: StartResult, tests: Sequence[frozenset[int]]) -> float:
         """½ rᵀr of the end of a start, side constraint included, over some test modes of each case."""
-        if all(own >= wanted for own, wanted in zip(start.tests, tests, strict=True)):
+        if all(of_test >= wanted for of_test, wanted in zip(start.tests, tests, strict=True)):
             return start.objective
         try:
             at = self.problem.assess(start.end, self.problem.solved(start.end), derivatives=False)
@@ -622,8 +622,8 @@ class _Search:
         if self.best is not None and np.array_equal(self.best.x, least.end):
             return replace(self.tries.here(self.best), before=before)
         start = self.problem.start(least.end)
-        found = update(self.problem, self.tries.method, start=start, active=self.tries.active)
-        return replace(found, before=before)
+        result = update(self.problem, self.tries.method, start=start, active=self.tries.active)
+        return replace(result, before=before)
 
 
 def _ended(start: StartResult, leader: StartResult | None) -> StartResult:

@@ -95,8 +95,8 @@ def sample_box(A: Reals, b: Reals, lower: Reals, upper: Reals, degrees: float, r
     width = upper - lower
     chains = _Chains.start(A * width, b + A @ lower, -lower / width, degrees, rules)
     settled = chains.settle()
-    found = chains.collected()
-    return BoxSamples(lower + width * found.reshape(-1, len(lower)), float(effective_number(found).min()), settled)
+    samples = chains.collected()
+    return BoxSamples(lower + width * samples.reshape(-1, len(lower)), float(effective_number(samples).min()), settled)
 
 
 @dataclass(eq=False)
@@ -255,5 +255,5 @@ def _exponential(rate: Reals, width: Reals, share: Reals) -> Reals:
     small = np.abs(decay) < 1e-6
     safe = np.where(small, 1.0, rate)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        found = -np.log1p(share * np.expm1(-np.where(small, 1.0, decay))) / safe
-    return np.where(small, share * width, found)
+        distance = -np.log1p(share * np.expm1(-np.where(small, 1.0, decay))) / safe
+    return np.where(small, share * width, distance)

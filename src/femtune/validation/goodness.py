@@ -109,8 +109,8 @@ class GoodnessOfFit:
     @property
     def finding(self) -> Finding:
         """Size and order of the residuals together, and what the bounds keep of them."""
-        found = self._of_size_and_order
-        return Finding.BOUNDED if self.bounds_contradict and found.outcome is not Outcome.FAIL else found
+        finding = self._of_size_and_order
+        return Finding.BOUNDED if self.bounds_contradict and finding.outcome is not Outcome.FAIL else finding
 
     @property
     def bounds_contradict(self) -> bool:
@@ -226,8 +226,8 @@ def goodness_of_fit(
 
 def _held(blocks: Sequence[ResidualBlock]) -> tuple[float, float]:
     r, U = _range(blocks)
-    found = float(np.sum((U.T @ r) ** 2))
-    return found, _p_value(found, U.shape[1])
+    squares = float(np.sum((U.T @ r) ** 2))
+    return squares, _p_value(squares, U.shape[1])
 
 
 def _counts(blocks: Sequence[ResidualBlock]) -> tuple[int, int]:

@@ -104,14 +104,14 @@ class BuiltDeck(BuiltModel):
 
     @property
     def property_of_elements(self) -> Mapping[int, int]:
-        found = {}
+        properties = {}
         for number, at in self.element_cards.items():
             card = self.deck.cards[at]
             if "PID" in CATALOGUE[card.name].fields:
                 more = self.increases.get(card.superelement, Increase())
                 own = number - more.elements
-                found[number] = int(element_record(card, own).integer("PID", own)) + more.cards
-        return found
+                properties[number] = int(element_record(card, own).integer("PID", own)) + more.cards
+        return properties
 
     def cards_named(self, name: str) -> Sequence[Card]:
         return self.deck.by_name(name)

@@ -44,12 +44,12 @@ def _negative(deck: Deck, table: ValueTable, places: Mapping[FieldRef, FieldPlac
         ref = table.refs[int(i)]
         if ref in places and not ref.region and field_nature(ref).positive and ref.name not in _OWN_MESSAGE:
             groups.setdefault((ref.card, ref.name), []).append((ref, float(table.values[i])))
-    for found in groups.values():
-        ref, value = found[0]
+    for group in groups.values():
+        ref, value = group[0]
         place = places[ref]
         yield Notice(
             "deck.negative-value", where=deck.cards[place.card].where(place.fields[0]), field=ref, value=value,
-            more=_more(len(found)), effect=_effect(ref),
+            more=_more(len(group)), effect=_effect(ref),
         )  # fmt: skip
 
 
@@ -75,11 +75,11 @@ class _NegativeMass(NamedTuple):
 
 def _negative_nonstructural(deck: Deck) -> Iterator[Notice]:
     """Negative values of NSM, NSM1, NSML and NSML1."""
-    found = [_NegativeMass(card, v) for name in _NONSTRUCTURAL for card in deck.by_name(name) for v in _masses(card)]
-    if found:
-        first = found[0]
+    negative = [_NegativeMass(card, v) for name in _NONSTRUCTURAL for card in deck.by_name(name) for v in _masses(card)]
+    if negative:
+        first = negative[0]
         yield Notice(
-            "deck.negative-value", where=first.card.where(), value=first.value, more=_more(len(found)),
+            "deck.negative-value", where=first.card.where(), value=first.value, more=_more(len(negative)),
             field=f"the mass of {first.card.record}", effect="this non-structural mass takes mass away",
         )  # fmt: skip
 

@@ -27,10 +27,10 @@ def health_notices(
     structure: Structure, place_of_element: Callable[[int], Where], place_of_grid: Callable[[int], Where]
 ) -> list[Notice]:
     """Notices of what an analyst would doubt, each with its place and the smallest fix."""
-    found = connectivity(structure)
+    links = connectivity(structure)
     return [
-        *_coincident(structure, found, place_of_grid),
-        *_free_parts(structure, found, place_of_grid),
+        *_coincident(structure, links, place_of_grid),
+        *_free_parts(structure, links, place_of_grid),
         *_repeated(structure, place_of_element),
         *_normals(structure, place_of_element),
         *_far_ends(structure, place_of_element),
@@ -95,11 +95,11 @@ def _normals(structure: Structure, place: Callable[[int], Where]) -> Iterator[No
 
 
 def _far_ends(structure: Structure, place: Callable[[int], Where]) -> Iterator[Notice]:
-    found = far_ends(structure)
-    if found:
-        card, number, one, other, distance = found[0]
+    ends = far_ends(structure)
+    if ends:
+        card, number, one, other, distance = ends[0]
         ids = structure.nodes.ids
         yield Notice(
             "deck.far-ends", where=place(number), card=card, number=number, one=int(ids[one]), other=int(ids[other]),
-            distance=distance, more=f" (and {len(found) - 1} more)" if len(found) > 1 else "",
+            distance=distance, more=f" (and {len(ends) - 1} more)" if len(ends) > 1 else "",
         )  # fmt: skip

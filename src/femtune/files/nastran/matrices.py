@@ -182,7 +182,7 @@ def _in_other_parts(deck: Deck) -> set[str]:
     """Names of matrices that have DMIG cards only in other superelements, to which a selection may apply."""
     if deck.section is None:
         return set()
-    return {c.text(0) for own in deck.sections.values() for c in own.get("DMIG", ())} - set(dmig_names(deck))
+    return {c.text(0) for cards in deck.sections.values() for c in cards.get("DMIG", ())} - set(dmig_names(deck))
 
 
 def _parts(command: CaseCommand) -> Iterator[tuple[float, str]]:

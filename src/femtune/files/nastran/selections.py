@@ -55,9 +55,9 @@ def _of_kind(deck: Deck, kind: _Kind) -> Iterator[Notice]:
                 first.setdefault(card.integer(0), card)
     # the subcases of other parts select nothing here
     case = deck.case_control
-    own = {"SPC": case.spc, "MPC": case.mpc, "METHOD": case.method, "SDAMPING": case.damping}[kind.command]
+    selected_id = {"SPC": case.spc, "MPC": case.mpc, "METHOD": case.method, "SDAMPING": case.damping}[kind.command]
     selected = set() if deck.section else selected_numbers(case, kind.command)
-    selected |= set() if own is None else {own}
+    selected |= set() if selected_id is None else {selected_id}
     acting = selected | {n for card in deck.by_name(kind.union) if _number(card) in selected for n in _members(card)}
     # parts of a union are named by it alone
     parts = {n for card in deck.by_name(kind.union) if _number(card) not in acting for n in _members(card)}

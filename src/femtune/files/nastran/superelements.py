@@ -111,7 +111,7 @@ def _in_grids(deck: Deck) -> set[int]:
 
 def _other_units(deck: Deck) -> Iterator[Notice]:
     """Notice of a part whose densities are those of another system of units."""
-    largest = {n: _largest_density(own) for n, own in deck.sections.items() if n >= 0}
+    largest = {n: _largest_density(cards) for n, cards in deck.sections.items() if n >= 0}
     known = {n: value for n, value in largest.items() if value > 0.0}
     if len(known) < 2:
         return
@@ -278,10 +278,10 @@ def boundary_pairs(deck: Deck, sections: Sequence[BulkSection], notices: list[No
         notices += _far_pairs(sections, meshes, listed, card.where(), card.record)
         pairs += listed
     for i, j in _neighbours(deck, sections, meshes):
-        found = list(_found_pairs(deck, sections, meshes, i, j))
-        notices += _far_pairs(sections, meshes, found, _where(deck, sections, i, j), "the search of boundary points")
-        notices += _near_misses(deck, sections, meshes, (i, j), {*pairs, *found})
-        pairs += found
+        matched = list(_found_pairs(deck, sections, meshes, i, j))
+        notices += _far_pairs(sections, meshes, matched, _where(deck, sections, i, j), "the search of boundary points")
+        notices += _near_misses(deck, sections, meshes, (i, j), {*pairs, *matched})
+        pairs += matched
     joined = {i for pair in pairs for i, _ in pair}
     for i, section in enumerate(sections):
         if section.number and i not in joined:

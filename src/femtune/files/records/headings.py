@@ -41,10 +41,10 @@ def _unit_in(heading: str) -> str:
 
 
 def _dof_in(text: str) -> Dof | None:
-    found = _DOF.findall(text)
-    if len(found) != 1:
+    matches = _DOF.findall(text)
+    if len(matches) != 1:
         return None
-    node, before, direction, behind = found[0]
+    node, before, direction, behind = matches[0]
     return Dof(int(node), direction.upper(), -1 if "-" in (before, behind) else 1) if int(node) else None
 
 

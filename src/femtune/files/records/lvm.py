@@ -174,8 +174,8 @@ def read_tdms(path: Path) -> RecordTable:
     lengths = sorted({values.size for _, values in numeric})
     steps = {float(one.properties.get("wf_increment", 0.0) or 0.0) for one, _ in numeric}
     if len(lengths) != 1 or len(steps) != 1:
-        found = {"samples": str(lengths[:5]), "time steps": str(sorted(steps)[:5])}
-        raise problem(path, "record.file/tdms-channels", values=found)
+        shown = {"samples": str(lengths[:5]), "time steps": str(sorted(steps)[:5])}
+        raise problem(path, "record.file/tdms-channels", values=shown)
     names = [str(one.name) for one, _ in numeric]
     stated = tuple(stated_channel(str(one.name), _unit(one.properties)) for one, _ in numeric)
     check_columns(len(names), path)

@@ -159,10 +159,10 @@ def _frf_set(kind: str, lines: NDArray[np.float64], pairs: Pairs, source: str, c
     values = np.full((len(responses), len(references), len(lines)), complex(np.nan, np.nan))
     coherence = np.full(values.shape, np.nan)
     defined = np.ones(len(lines), dtype=bool)
-    for (response, reference), own in pairs.items():
+    for (response, reference), functions in pairs.items():
         at = responses.index(response), references.index(reference)
-        values[at] = own
-        defined &= np.isfinite(own)
+        values[at] = functions
+        defined &= np.isfinite(functions)
         place = (response.node, response.component, reference.node, reference.component, lines.tobytes())
         coherence[at] = np.minimum(coherences.get(place, coherence[at]), 1.0)
     some = coherence[:, :, defined] if np.isfinite(coherence).any() else None

@@ -154,9 +154,9 @@ def scan_uff(path: str | Path) -> tuple[DataSet, ...]:
     while reader.more():
         line = reader.take()
         if reader.opens(line):
-            found = _data_set(reader, data_sets)
-            shifted = (Notice("uff.delimiter", where=found.where(), level="info"),) if _is_shifted(line) else ()
-            data_sets.append(replace(found, notices=(*remarks, *shifted, *found.notices)))
+            data_set = _data_set(reader, data_sets)
+            shifted = (Notice("uff.delimiter", where=data_set.where(), level="info"),) if _is_shifted(line) else ()
+            data_sets.append(replace(data_set, notices=(*remarks, *shifted, *data_set.notices)))
             remarks = []
         elif line.strip(_BLANK):
             remarks.append(_remark(reader, line))

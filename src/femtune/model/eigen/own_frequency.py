@@ -127,8 +127,8 @@ def modes_at_own_frequency(point: ModelPoint, count: int) -> list[OwnFrequencyMo
     ------
     FemtuneError : ``table.own-frequency``, and as `solve_modes`
     """
-    found = zip(range(count), _each(point))
-    return [mode.own(number, iterations) for number, (mode, iterations) in found]
+    modes = zip(range(count), _each(point))
+    return [mode.own(number, iterations) for number, (mode, iterations) in modes]
 
 
 def _each(point: ModelPoint) -> Iterator[tuple[AtFrequency, int]]:

@@ -298,8 +298,8 @@ def _scales(runs: Runs) -> tuple[Reals, Reals]:
 def _powers(count: int, degree: int, crossed: bool) -> list[Powers]:
     """Powers with a sum up to the degree, constant first; products only where they are wanted."""
     every = itertools.product(range(degree + 1), repeat=count)
-    found = [p for p in every if sum(p) <= degree and (crossed or sum(e > 0 for e in p) <= 1)]
-    return sorted(found, key=sum)
+    powers = [p for p in every if sum(p) <= degree and (crossed or sum(e > 0 for e in p) <= 1)]
+    return sorted(powers, key=sum)
 
 
 def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
@@ -406,8 +406,8 @@ def _structure(parts: Sequence[Runs], nodes: NodeTable, fits: Sequence[_Fit], de
                 continue
             some = [(p, c) for p, c in zip(fit.powers, coefficients) if c.any() or kind == "stiffness"]
             terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in some)
-            found = Polynomial(name, variables, scales, terms, 0.0, 0)
-            assembled += polynomial_terms(ImportedMatrix(name, kind, ()), found, factor, values)  # type: ignore[arg-type]
+            polynomial = Polynomial(name, variables, scales, terms, 0.0, 0)
+            assembled += polynomial_terms(ImportedMatrix(name, kind, ()), polynomial, factor, values)  # type: ignore[arg-type]
     dofs = parts[0].dofs
     moving = np.zeros(0, np.int64) if not shaped or dofs is None else dofs
     permanent = np.setdiff1d(np.arange(6 * len(nodes.ids)), moving)

@@ -127,10 +127,10 @@ def compare_modes(found_hz: Reals, listed_hz: Sequence[float]) -> ListComparison
     A list without rigid-body modes is compared with the elastic modes.
     """
     listed = np.sort(np.abs(np.asarray(listed_hz, float)))
-    found = np.sort(found_hz)
+    ascending = np.sort(found_hz)
     limit = RIGID * max(listed[-1], 1e-300)
-    rigid_listed, rigid_found = int((listed < limit).sum()), int((found < limit).sum())
-    a, b = found[rigid_found:], listed[rigid_listed:]
+    rigid_listed, rigid_found = int((listed < limit).sum()), int((ascending < limit).sum())
+    a, b = ascending[rigid_found:], listed[rigid_listed:]
     n = min(len(a), len(b))
     apart, rounding = np.abs(a[:n] - b[:n]), rounding_hz(b.tolist())
     all_there = len(a) >= len(b)

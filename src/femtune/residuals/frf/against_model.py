@@ -87,9 +87,9 @@ def _sizes(measured: FrfSet, ratio: Complexes, configuration: str) -> Iterator[N
     omega = np.broadcast_to(2.0 * np.pi * measured.freq_hz, ratio.shape)
     used = np.isfinite(ratio) & (omega > 0.0)
     size, lines = np.log(np.abs(ratio[used])), np.log(omega[used])
-    own = KINDS.index(measured.kind)
+    order = KINDS.index(measured.kind)
     # model over test of the stated kind: what the test would have to be multiplied by, as another kind
-    scatter = {kind: _scatter(size + (i - own) * lines) for i, kind in enumerate(KINDS)}
+    scatter = {kind: _scatter(size + (i - order) * lines) for i, kind in enumerate(KINDS)}
     best = min(scatter, key=lambda kind: scatter[kind])
     if best != measured.kind and scatter[best] < _CLEARER * scatter[measured.kind]:
         yield Notice("residual.frf-kind", configuration=configuration, kind=measured.kind, better=best)

@@ -223,9 +223,9 @@ def antiresonance_residual(
     every = AntiresonanceResidual(name, tuple(zeros), frfs.responses, frfs.references, places, sd)
     finder, kept, notices = every.finder(modes), [], []
     for tests in every.by_function():
-        found = candidates(finder, *every.at(tests[0]), tests, _REACH)
-        for i, (test, partner) in enumerate(zip(tests, found.assigned())):
-            why = found.why_not(i, partner, gates or ZeroGates())
+        candidate_zeros = candidates(finder, *every.at(tests[0]), tests, _REACH)
+        for i, (test, partner) in enumerate(zip(tests, candidate_zeros.assigned())):
+            why = candidate_zeros.why_not(i, partner, gates or ZeroGates())
             if why:
                 notices.append(
                     Notice("residual.antiresonance-unpaired", configuration=name, antiresonance=test.label, reason=why)

@@ -130,16 +130,16 @@ def measured_damping(
             out.append(LackingMode(j, hertz, ratio, heights, _noise_beside(residual, test, hertz)))
         return tuple(out)
 
-    missed, found = lacking(), frozenset[int]()
+    missed, added = lacking(), frozenset[int]()
     further = _with_further(test, [one for one in missed if one.seen_in]) if guided else None
     if further is not None:
         identified = as_modes(further).select_dofs(seen)
         pairing = pair_modes(identified, model)
         ratios = paired_damping(identified, pairing, count)
         left = lacking()
-        found = frozenset(one.mode for one in missed) - {one.mode for one in left}
+        added = frozenset(one.mode for one in missed) - {one.mode for one in left}
         missed = left
-    return MeasuredDamping(identified, test, further, pairing, ratios, missed, found)
+    return MeasuredDamping(identified, test, further, pairing, ratios, missed, added)
 
 
 def _without_partner(test: RedrawnTest, modes: EigenSolution, pairing: Pairing) -> Integers:
@@ -151,10 +151,10 @@ def _without_partner(test: RedrawnTest, modes: EigenSolution, pairing: Pairing) 
 
 def _with_further(test: RedrawnTest, missed: Sequence[LackingMode]) -> ModalFit | None:
     """The fit of the test with modes near those of the model; None if it has none there."""
-    found = None
+    further = None
     for one in missed:
-        found = with_mode_near(found or test.fit, test.terms, one.freq_hz, one.damping_ratio) or found
-    return found
+        further = with_mode_near(further or test.fit, test.terms, one.freq_hz, one.damping_ratio) or further
+    return further
 
 
 def _at_resonance(freq_hz: float, ratio: float, kind: str) -> float:

@@ -121,9 +121,9 @@ def found_antiresonances(frfs: FrfSet, search: ZeroSearch | None = None) -> Foun
     valleys: list[_Valley] = []
     antiresonances: list[Antiresonance] = []
     for i, j in np.ndindex(frfs.values.shape[:2]):
-        own = list(_valleys(frfs.freq_hz, accelerance.values[i, j], search))
-        valleys += own
-        antiresonances += _of_function(accelerance, i, j, search, [v for v in own if v.above_noise])
+        of_function = list(_valleys(frfs.freq_hz, accelerance.values[i, j], search))
+        valleys += of_function
+        antiresonances += _of_function(accelerance, i, j, search, [v for v in of_function if v.above_noise])
     in_noise = sum(not v.above_noise for v in valleys)
     if not antiresonances:
         raise _none(frfs, search, in_noise)
@@ -266,9 +266,9 @@ class _Fit:
         variance = 0.5 * (squares + _PRIOR * noise**2) / (freedom + _PRIOR)
         terms = self._terms(root)
         slope = c[1] - sum(c[k] / (root - r) ** 2 + 2.0 * c[k + 1] / (root - r) ** 3 for k, r in ((2, p), (4, q)))
-        own = np.linalg.lstsq(A.conj().T @ A, terms.conj(), rcond=None)[0]
+        coefficients = np.linalg.lstsq(A.conj().T @ A, terms.conj(), rcond=None)[0]
         self.root = complex(at + scale * root)
-        self.sd = float(scale * np.sqrt(variance * float((terms @ own).real)) / abs(slope))
+        self.sd = float(scale * np.sqrt(variance * float((terms @ coefficients).real)) / abs(slope))
 
     def _terms(self, at: ArrayLike) -> Complexes:
         (p, q), z = self.poles, np.asarray(at)

@@ -32,8 +32,8 @@ def served(state: CaseState) -> tuple[FrfResidual, ...]:
     """
     if state.case.configured.model.tables:
         return ()
-    found = map(settled, state.case.residuals)
-    return tuple(r for r in found if isinstance(r, FrfResidual) and not _truncates(state, r))
+    settled_residuals = map(settled, state.case.residuals)
+    return tuple(r for r in settled_residuals if isinstance(r, FrfResidual) and not _truncates(state, r))
 
 
 def _truncates(state: CaseState, residual: FrfResidual) -> bool:

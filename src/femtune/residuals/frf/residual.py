@@ -351,7 +351,7 @@ class FrfResidual(Residual):
         halves = 1 if self.form == "log-magnitude" else 2
         begun = 0
         for label, at in self._parts:
-            own, sd, n = np.flatnonzero(at), self.sd[at], int(at.sum())
+            compared_rows, sd, n = np.flatnonzero(at), self.sd[at], int(at.sum())
             # logarithms are relative already
             size = np.abs(self.measured.values[at]) if self.form == "linear" else 1.0
             scale = float(1.0 / np.sqrt(np.sum((size / sd) ** 2)))
@@ -361,7 +361,7 @@ class FrfResidual(Residual):
             noise = None if self.noise is None else np.tile(self.noise[at], halves)
             samples = LineSamples(lines, entry, log_sd, self._identified(at), noise)
             parts.append(_Part(label, rows, slice(halves * begun, halves * (begun + n)), scale, samples))
-            places.append(own)
+            places.append(compared_rows)
             begun += n
         of = np.concatenate(places) if places else np.zeros(0, np.int64)
         return _Compared(of, np.tile(self.sd.ravel()[of], halves), tuple(parts))

@@ -96,8 +96,8 @@ class FrfScatter:
 
     def _relative(self, frfs: FrfSet) -> Reals:
         """relative² + ε²."""
-        own = [self.outputs.get((dof.node, dof.direction), self.relative) for dof in frfs.responses]
-        relative = np.broadcast_to(np.square(own)[:, None, None], frfs.values.shape)
+        by_output = [self.outputs.get((dof.node, dof.direction), self.relative) for dof in frfs.responses]
+        relative = np.broadcast_to(np.square(by_output)[:, None, None], frfs.values.shape)
         if self.averages is None:
             return relative
         if frfs.coherence is None:

@@ -114,11 +114,11 @@ def _pictures(source: ReportSource, record: BootstrapResults) -> list[Block]:
 
 def bootstrap_document(subject: Subject, results: Results) -> Document:
     """The first sentence, or why there is no bootstrap."""
-    found = results.bootstrap
-    if found is None:
+    record = results.bootstrap
+    if record is None:
         reasons = [a.sentence for a in results.alerts if a.code.startswith(("bootstrap.", "executor."))]
         return subject.document(as_sentence((reasons or ["there was no bootstrap"])[0]), "problem", ())
-    sections = (Section("bootstrap", "Bootstrap", tuple(bootstrap_blocks(found))), *warnings_of(results))
+    sections = (Section("bootstrap", "Bootstrap", tuple(bootstrap_blocks(record))), *warnings_of(results))
     warned = any(a.code.startswith("bootstrap.") and a.level != "info" for a in results.alerts)
-    level: Level = "info" if found.converged == found.runs and not warned else "warning"
-    return subject.document(found.sentences[0], level, sections)
+    level: Level = "info" if record.converged == record.runs and not warned else "warning"
+    return subject.document(record.sentences[0], level, sections)

@@ -122,8 +122,8 @@ def _runs(
         done += 1
         progress.step("bootstrap runs that have ended", done, count)
 
-    found = finish(executor, work, range(count), known, name="bootstrap run", finished=keep, remark=remarks.append)
-    return found, len(known), tuple(remarks)
+    runs = finish(executor, work, range(count), known, name="bootstrap run", finished=keep, remark=remarks.append)
+    return runs, len(known), tuple(remarks)
 
 
 def _key(work: Bootstrap) -> str:
@@ -144,7 +144,7 @@ def _line(number: int, run: BootstrapRun) -> dict[str, object]:
 
 def _known(lines: Sequence[Mapping[str, Any]], count: int, k: int) -> dict[int, BootstrapRun]:
     """Runs by their number; what cannot be read is made again."""
-    found = {}
+    runs = {}
     for line in lines:
         try:
             x = np.array(line["x"], float)
@@ -156,5 +156,5 @@ def _known(lines: Sequence[Mapping[str, Any]], count: int, k: int) -> dict[int, 
         except (ValueError, KeyError, TypeError):
             continue
         if x.shape == (k,) and np.isfinite(x).all() and 0 <= number < count:
-            found[number] = run
-    return found
+            runs[number] = run
+    return runs

@@ -80,17 +80,17 @@ def _rule(found: CandidatesResults) -> str:
 
 def candidates_summary(source: ReportSource) -> list[Block]:
     """Numbers, sentences, what should be known, and the picture."""
-    found = _of(source)
-    alerts = alert_boxes(found.alerts)
-    return [candidate_numbers(found), Listing(found.sentences), *alerts, *_picture(source)]
+    candidates = _of(source)
+    alerts = alert_boxes(candidates.alerts)
+    return [candidate_numbers(candidates), Listing(candidates.sentences), *alerts, *_picture(source)]
 
 
 def _picture(source: ReportSource) -> list[Block]:
-    found = _of(source)
-    models = shown_models(found)
-    rows = [found.solved.index(c) for c in models]
+    candidates = _of(source)
+    models = shown_models(candidates)
+    rows = [candidates.solved.index(c) for c in models]
     best = max(models, key=lambda c: -np.inf if c.log_evidence is None else c.log_evidence)
-    distance = source.arrays[found.distances_key][rows, found.solved.index(best)]
+    distance = source.arrays[candidates.distances_key][rows, candidates.solved.index(best)]
     draw = partial(
         candidates_svg, [c.name for c in models], [len(c.parameters) for c in models],
         [c.error_percent or 0.0 for c in models], (100.0 * distance).tolist(), best.name,
@@ -101,8 +101,8 @@ def _picture(source: ReportSource) -> list[Block]:
 
 def candidates_table(source: ReportSource) -> list[Block]:
     """The table of criteria, and the remarks of the study."""
-    found = _of(source)
-    return [criteria_table(found), *_notes(found)]
+    candidates = _of(source)
+    return [criteria_table(candidates), *_notes(candidates)]
 
 
 def criteria_table(found: CandidatesResults) -> Table:
@@ -170,8 +170,8 @@ def _value(v: CandidateValue) -> str:
 
 def candidates_distances(source: ReportSource) -> list[Block]:
     """The table of distances."""
-    found = _of(source)
-    return [distance_table(found, source.arrays), *_cut(found)]
+    candidates = _of(source)
+    return [distance_table(candidates, source.arrays), *_cut(candidates)]
 
 
 def distance_table(found: CandidatesResults, arrays: Mapping[str, NDArray]) -> Table:
@@ -190,8 +190,8 @@ def candidates_undetermined(source: ReportSource) -> list[Block]:
 
 def undetermined_blocks(models: Sequence[CandidateResults]) -> list[Block]:
     """A sentence for each combination that a model leaves undetermined."""
-    found = tuple(f"{c.name}: {one.sentence}" for c in models for one in c.undetermined)
-    return [Listing(found)] if found else [Paragraph("The data determine all parameters of every model.")]
+    sentences = tuple(f"{c.name}: {one.sentence}" for c in models for one in c.undetermined)
+    return [Listing(sentences)] if sentences else [Paragraph("The data determine all parameters of every model.")]
 
 
 def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:

@@ -169,8 +169,8 @@ class _Fitting:
         if self.search is not None:
             population = Population(problem, problem.start(x), moving)
             lower, upper = (edge[moving] for edge in problem.parameters.bounds)
-            found = global_minimum(population, lower, upper, replace(self.search, seed=self.rules.seed + number))
-            return problem.follow(population.whole(found.x[None])[0], population.before)
+            minimum = global_minimum(population, lower, upper, replace(self.search, seed=self.rules.seed + number))
+            return problem.follow(population.whole(minimum.x[None])[0], population.before)
         return problem.start(self._drawn(problem, moving, number))
 
     def _drawn(self, problem: UpdateProblem, moving: Flags, number: int) -> Reals:
@@ -369,14 +369,14 @@ def _compared(work: _Comparison, groups: Sequence[Group], resume: bool, arrays: 
     study, table = work.study, work.table
     work.begin(resume)
     candidates = list(candidates_of(study))
-    found = work.fitted(candidates)
+    fits = work.fitted(candidates)
     for more in _further(table, groups, work.fitted):
         candidates += [c for c, _ in more]
-        found += [f for _, f in more]
+        fits += [f for _, f in more]
     # without its tests a specimen keeps the initial values of its own parameters, so that nothing is predicted
     wanted = table.leave_one_out and study.specimens is None
-    predicted = work.predicted(candidates, found) if wanted else [{} for _ in candidates]
-    return _results(study, table, candidates, found, predicted, arrays)
+    predicted = work.predicted(candidates, fits) if wanted else [{} for _ in candidates]
+    return _results(study, table, candidates, fits, predicted, arrays)
 
 
 Pairs = list[tuple[ParameterChoice, Found]]
@@ -394,9 +394,9 @@ def _further(
     for _ in range(most if table.subsets == "nested" else 0):
         grown = [tuple(g for g in groups if g in (*best, new)) for new in groups if new not in best]
         some = [_subset(table, groups, chosen) for chosen in grown]
-        found = fitted(some)
-        yield list(zip(some, found))
-        best = grown[int(np.argmin([f.get("chi2", np.inf) for f in found]))]
+        fits = fitted(some)
+        yield list(zip(some, fits))
+        best = grown[int(np.argmin([f.get("chi2", np.inf) for f in fits]))]
 
 
 def _subset(table: CandidatesTable, groups: Sequence[Group], chosen: Sequence[Group]) -> ParameterChoice:

@@ -23,18 +23,18 @@ def bounds_beyond_runs(study: Study) -> Iterator[Notice]:
         return
     free = study.parameters.free
     for i, parameter in enumerate(free):
-        found = dict[str, tuple[float, float, float]]()
+        beyond = dict[str, tuple[float, float, float]]()
         for end in study.parameters.bounds:
             x = np.zeros(len(free))
             x[i] = end[i]
             values = {ref.name: value for ref, value in study.model.field_values(x).items()}
             for part in study.built.coverage:
-                found |= {
+                beyond |= {
                     name: (values[name], low, high)
                     for name, low, high in part.outside(values)
                     if max(low - values[name], values[name] - high) > _BEYOND * (high - low)
                 }
-        for name, (value, low, high) in found.items():
+        for name, (value, low, high) in beyond.items():
             yield Notice(
                 "study.bounds-beyond-runs", where=study.file.where("parameter", i), parameter=parameter.name,
                 variable=name, value=value, low=low, high=high,

@@ -72,15 +72,15 @@ def compare(
         with held_for_solver(side, "compare"):
             loaded.append(load_study(side, progress))
     one, other = loaded
-    found = mapped_meshes(one, other, tolerance, points)
+    mapping = mapped_meshes(one, other, tolerance, points)
     word = units_word(units) or None
     if word is None and not one.units_known:
         raise FemtuneError("response.units-needed/compared", where=Where(str(one.file.path)))
-    test = modes_on_other_mesh(sides[0], other, found, word, progress, count=count)
+    test = modes_on_other_mesh(sides[0], other, mapping, word, progress, count=count)
     more = None if count is None else {"count": count + MORE_MODES}
     result = correlate(second, test, sensors={"by_id": True}, modes=more, units=units, progress=progress)
-    table = np.column_stack([found.first, found.second, found.distance])
-    distances = f"{found.distance.mean():.3g}, the largest {found.distance.max():.3g}."
-    told = f"{len(found.distance)} points are compared; the mean distance between the meshes is {distances}"
+    table = np.column_stack([mapping.first, mapping.second, mapping.distance])
+    distances = f"{mapping.distance.mean():.3g}, the largest {mapping.distance.max():.3g}."
+    told = f"{len(mapping.distance)} points are compared; the mean distance between the meshes is {distances}"
     arrays = {**result.arrays, "common_points": table}
     return replace(result, arrays=arrays, remarks=(Notice("", told, level="info"), *result.remarks))

@@ -50,8 +50,8 @@ def mapped_meshes(one: Study, other: Study, tolerance: float | None, most: int) 
         sides.append((nodes.ids[rows], nodes.xyz[rows]))
     (ids, xyz), (other_ids, other_xyz) = sides
     size = float(np.linalg.norm(np.ptp(xyz, axis=0))) if len(xyz) else 0.0
-    found = map_meshes(xyz, other_xyz, _POINT_TOLERANCE * size if tolerance is None else tolerance, most)
-    return MeshMap(ids[found.first], other_ids[found.second], found.distance)
+    mapping = map_meshes(xyz, other_xyz, _POINT_TOLERANCE * size if tolerance is None else tolerance, most)
+    return MeshMap(ids[mapping.first], other_ids[mapping.second], mapping.distance)
 
 
 def _moving(study: Study) -> Integers:

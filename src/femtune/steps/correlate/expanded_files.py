@@ -56,8 +56,8 @@ def _as_test(study: Study, case: StudyCase, modes: ModeSet) -> ModalTest:
 
 def _numbered(modes: ModeSet) -> ModeSet:
     """The modes with numbers as labels, as the format requires: their own, or from 1."""
-    own = all(label.isdecimal() and int(label) > 0 for label in modes.labels)
-    return modes if own else replace(modes, labels=tuple(str(j + 1) for j in range(len(modes))))
+    are_numbers = all(label.isdecimal() and int(label) > 0 for label in modes.labels)
+    return modes if are_numbers else replace(modes, labels=tuple(str(j + 1) for j in range(len(modes))))
 
 
 def _mesh(case: StudyCase) -> WireFrame:

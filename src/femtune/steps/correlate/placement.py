@@ -35,9 +35,9 @@ def _mode(case: StudyCase, c: Correlation, solution: EigenSolution, pair: Pair) 
     assert case.placement is not None
     members = (pair.model,) if pair.cluster is None else c.clusters[pair.cluster].model
     test = case.modal.test.shapes[:, pair.test]
-    found = placement_covariance(case.placement, solution, case.modal, members, test)
+    covariance = placement_covariance(case.placement, solution, case.modal, members, test)
     known = ~np.isnan(test)
-    psi, P = test[known], found[np.ix_(known, known)]
+    psi, P = test[known], covariance[np.ix_(known, known)]
     sd = np.sqrt(np.diag(P)) / np.abs(psi).max()
     size = float(psi @ psi)
     # the part of the errors that is orthogonal to the shape lowers the MAC

@@ -51,8 +51,8 @@ def correlation_document(subject: Subject, correlations: Sequence[CorrelationRes
 
 def _left_out(correlations: Sequence[CorrelationResults]) -> list[Block]:
     """Each reason once."""
-    found = left_out_modes(correlations)
-    rows = [row(", ".join(m.configurations), ", ".join(m.labels), m.reason) for m in found]
+    left_out = left_out_modes(correlations)
+    rows = [row(", ".join(m.configurations), ", ".join(m.labels), m.reason) for m in left_out]
     return [Table("", columns("Configurations", "Test modes", "Reason"), tuple(rows))] if rows else []
 
 

@@ -80,9 +80,9 @@ def start(study: Study, progress: Progress) -> Evaluation:
     with errors_at_residuals(study.file):
         if rules is not None and not study.file.stage:
             keep_functions(problem, rules, states)
-        found = problem.assess(x, states)
-        problem.check_compared(found)
-        return found
+        state = problem.assess(x, states)
+        problem.check_compared(state)
+        return state
 
 
 @contextmanager
@@ -93,7 +93,9 @@ def _hint_of_axes(study: Study, states: Sequence[CaseState]) -> Iterator[None]:
     except FemtuneError as error:
         cases = {case.name: case for case in study.cases}
         solved = ((cases[s.case.name], s.solution) for s in states if s.solution is not None)
-        error.hint = next((w for case, found in solved if (w := fitting_axes(study.file, case, found))), error.hint)
+        error.hint = next(
+            (w for case, solution in solved if (w := fitting_axes(study.file, case, solution))), error.hint
+        )
         raise
 
 

@@ -131,10 +131,10 @@ def _modes(damping: MeasuredDamping, solution: EigenSolution) -> Iterable[Mapped
 def _lacking(damping: MeasuredDamping, key: str, arrays: dict[str, Any]) -> Iterable[MappedMode]:
     """Modes of the model without a partner; their heights are put into `arrays`."""
     for one in damping.lacking:
-        own = f"{key}_{one.mode + 1}"
-        arrays[own] = one.over_noise
+        array_key = f"{key}_{one.mode + 1}"
+        arrays[array_key] = one.over_noise
         yield MappedMode(
             test_hz=None, mode=one.mode + 1, model_hz=one.freq_hz, mac=None, measured_percent=None,
             mapped_percent=100.0 * one.damping_ratio, above_noise=one.above_noise, seen_in=one.seen_in,
-            heights_key=own,
+            heights_key=array_key,
         )  # fmt: skip

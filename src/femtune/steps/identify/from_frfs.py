@@ -102,8 +102,8 @@ def _by_method(made: IdentifiedModes) -> dict[str, NDArray[np.float64]]:
     clusters = [made.candidates[i] for i in made.clusters]
     out = {}
     for name in dict.fromkeys(made.table.method):
-        own = [c.members[names[c.members] == name] for c in clusters]
-        out[name] = np.array([float(np.median(made.table.freq_hz[i])) if len(i) else float("nan") for i in own])
+        members = [c.members[names[c.members] == name] for c in clusters]
+        out[name] = np.array([float(np.median(made.table.freq_hz[i])) if len(i) else float("nan") for i in members])
     return out
 
 

@@ -347,7 +347,7 @@ def _means(several: dict[tuple[str, int], OperationalModes], record: TimeSeries)
 def _middle(several: Iterable[OperationalModes], modes: ModeSet, i: int, name: str) -> float:
     """Median over the estimates that have a mode of what their complex shapes show of it."""
     only = modes.select_modes([i])
-    at = [(found, _beside(only, found.modes)[0]) for found in several]
+    at = [(identified, _beside(only, identified.modes)[0]) for identified in several]
     values = [getattr(f, name)[int(np.argmin(np.abs(f.modes.freq_hz - hz)))] for f, hz in at if np.isfinite(hz)]
     return float(np.median(values)) if values else float("nan")
 

@@ -53,9 +53,9 @@ def linearity_of(file: IdentifyFile, identified: Found, identify: IdentifyEach) 
 
 
 def _level(file: IdentifyFile, identified: Found, force: float, name: str) -> ForceLevel:
-    own = [i for i in range(len(identified.modes)) if identified.of_structure(i)]
+    of_structure = [i for i in range(len(identified.modes)) if identified.of_structure(i)]
     shown = name or f"{Path(file.measured_path).name} ({force:g})"
-    return ForceLevel(shown, force, identified.modes.select_modes(own), identified.measured, _sd(identified))
+    return ForceLevel(shown, force, identified.modes.select_modes(of_structure), identified.measured, _sd(identified))
 
 
 _AVERAGED_LINES = 17

@@ -106,9 +106,9 @@ def _agreement(modes: list[IdentifiedMode]) -> str:
     """How far several methods agree on the modes that they have in common, and how many only one of them has."""
     if not modes or len(modes[0].by_method) < 2:
         return ""
-    found = [[f for f in mode.by_method.values() if f is not None] for mode in modes]
-    spans = [(max(f) - min(f)) / mode.freq_hz for mode, f in zip(modes, found) if len(f) > 1]
-    alone = sum(len(f) == 1 for f in found)
+    frequencies = [[f for f in mode.by_method.values() if f is not None] for mode in modes]
+    spans = [(max(f) - min(f)) / mode.freq_hz for mode, f in zip(modes, frequencies) if len(f) > 1]
+    alone = sum(len(f) == 1 for f in frequencies)
     text = "; no mode was found by several methods"
     if spans:
         which = "all modes" if len(spans) == len(modes) else counted(len(spans), "mode")
@@ -230,13 +230,13 @@ def _view(made: IdentifyResult) -> PageView:
 
 def _stabilisation(made: IdentifyResult) -> StabilisationView | None:
     """The poles in the band to pick from, with those of the modes; None for several set-ups or fragments."""
-    found, table = made.found, made.found.table
-    if table is None or found.estimates > 1:
+    identified, table = made.found, made.found.table
+    if table is None or identified.estimates > 1:
         return None
     low, high = _picture(made).band_hz
     shown = np.flatnonzero((table.freq_hz >= low) & (table.freq_hz <= high))
     row = {int(at): i for i, at in enumerate(shown)}
-    ours = [c for c in found.candidates if c.chosen or c.left]
+    ours = [c for c in identified.candidates if c.chosen or c.left]
     picked = [PickedView(row[c.at], c.name, c.left) for c in ours if c.at in row]
     methods = list(dict.fromkeys(table.method))
     return StabilisationView(
@@ -245,10 +245,10 @@ def _stabilisation(made: IdentifyResult) -> StabilisationView | None:
         whole(table.order[shown]),
         single(table.freq_hz[shown]),
         single(table.damping_ratio[shown]),
-        whole(found.stable_poles()[shown].astype(np.int64)),
+        whole(identified.stable_poles()[shown].astype(np.int64)),
         tuple(picked),
-        single(found.curve.freq_hz),
-        single(found.curve.level_db),
+        single(identified.curve.freq_hz),
+        single(identified.curve.level_db),
         (low, high),
         tuple(InputView(one.path, one.sha256) for one in made.record.inputs),
     )

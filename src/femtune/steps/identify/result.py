@@ -55,7 +55,7 @@ class IdentifyResult(StepResult):
     @property
     def linearity(self) -> Rows:
         """Changes of each mode over the levels of the force, in %, and the verdict; no rows with one level."""
-        found = self.record.linearity
+        linearity = self.record.linearity
         return Rows.of(
             {
                 "label": m.label,
@@ -65,7 +65,7 @@ class IdentifyResult(StepResult):
                 "damping_per_doubling_percent": m.damping.per_doubling_percent,
                 "linear": m.linear,
             }
-            for m in (found.modes if found is not None else ())
+            for m in (linearity.modes if linearity is not None else ())
         )
 
     @property
@@ -74,10 +74,10 @@ class IdentifyResult(StepResult):
         table = self.found.table
         if table is None:
             return Rows()
-        found = zip(table.method, table.order, table.freq_hz, table.damping_ratio, self.found.stable_poles())
+        poles = zip(table.method, table.order, table.freq_hz, table.damping_ratio, self.found.stable_poles())
         return Rows.of(
             {"method": m, "order": int(o), "freq_hz": float(f), "damping_ratio": float(z), "stable": bool(s)}
-            for m, o, f, z, s in found
+            for m, o, f, z, s in poles
         )
 
     @property

@@ -31,8 +31,8 @@ def with_rigid_bodies(
     """
     notices: tuple[Notice, ...] = ()
     for i, body in enumerate(file.rigid_body):
-        record, found = _reduced(record, file, body, i, geometry)
-        notices = (*notices, *found)
+        record, motions = _reduced(record, file, body, i, geometry)
+        notices = (*notices, *motions)
     return record, notices
 
 
@@ -57,8 +57,8 @@ def _reduced(
     role = "reference" if any(c.role == "reference" for c in channels) else "response"
     others = [k for k in range(len(record)) if k not in at]
     kept = record.select_channels(others)
-    own = tuple(replace(c, role=role, unit=channels[0].unit) for c in made.channels)
-    joined = replace(record, values=np.vstack([made.values, kept.values]), channels=(*own, *kept.channels))
+    channels_made = tuple(replace(c, role=role, unit=channels[0].unit) for c in made.channels)
+    joined = replace(record, values=np.vstack([made.values, kept.values]), channels=(*channels_made, *kept.channels))
     poor = [f"{c.dof} ({r:.0%})" for c, r in zip(channels, rest) if r > LARGEST_REMAINDER]
     notice = Notice("identify.rigid-bodies", where=where, sensors=", ".join(poor)) if poor else None
     return joined, (notice,) if notice else ()

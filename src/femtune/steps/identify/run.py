@@ -118,9 +118,9 @@ def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
     if len(records) > 1 and not forces:
         raise FemtuneError("identify.several-records", where=file.where("identify", "record"), count=len(records))
     with with_notices(notices):
-        found = found_from_forces(records, file) if forces else found_from_record(records[0], file, progress)
-    found = replace(found, notices=(*notices, *found.notices))
-    return _with_agreement(found if geometry is None else replace(found, geometry=geometry))
+        identified = found_from_forces(records, file) if forces else found_from_record(records[0], file, progress)
+    identified = replace(identified, notices=(*notices, *identified.notices))
+    return _with_agreement(identified if geometry is None else replace(identified, geometry=geometry))
 
 
 def _with_geometry(identified: Found, file: IdentifyFile) -> Found:

@@ -97,8 +97,8 @@ def _collinearity(identified: Found, freq: float) -> float:
 def _notices(each: list[Found]) -> tuple[Notice, ...]:
     """Those of all set-ups, those of one kind and text once."""
     seen: dict[str, Notice] = {}
-    for found in each:
-        for notice in found.notices:
+    for identified in each:
+        for notice in identified.notices:
             seen.setdefault(f"{notice.code} {notice.what}", notice)
     return tuple(seen.values())
 

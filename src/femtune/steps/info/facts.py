@@ -303,9 +303,13 @@ def _supports(study: Study, configuration: Configuration) -> Iterable[str]:
     chosen = configuration.support_set
     chosen = structure.default_support_set if chosen is None else chosen
     held = set(held_dofs(structure, configuration).tolist())
-    own = held & set(structure.permanent.tolist())
-    of_set = (held & set(structure.support_sets[chosen].tolist())) - own if chosen is not None else set()
-    counts = {"grid points themselves (PS)": own, f"SPC set {chosen}": of_set, "configuration": held - own - of_set}
+    permanent = held & set(structure.permanent.tolist())
+    of_set = (held & set(structure.support_sets[chosen].tolist())) - permanent if chosen is not None else set()
+    counts = {
+        "grid points themselves (PS)": permanent,
+        f"SPC set {chosen}": of_set,
+        "configuration": held - permanent - of_set,
+    }
     return (f"{name}: {_dofs(len(dofs))}" for name, dofs in counts.items() if dofs)
 
 

@@ -82,8 +82,8 @@ def _shape_row(test: ElementShapeTest) -> tuple[Cell, ...]:
 
 def mesh_tables(checks: Sequence[ModelCheck]) -> list[Block]:
     """The modes of each configuration whose mesh was checked."""
-    found = [c for c in checks if c.modes]
-    return [mesh_table(c, len(found) > 1) for c in found]
+    with_modes = [c for c in checks if c.modes]
+    return [mesh_table(c, len(with_modes) > 1) for c in with_modes]
 
 
 _MOST_RANGES = 5
@@ -313,8 +313,8 @@ def _cards(model: ModelFacts) -> list[Block]:
 
 def _held(model: ModelFacts) -> list[Block]:
     lines = [f"{c.configuration}, {line}" for c in model.configurations for line in held_lines(c)]
-    found = Listing(tuple(lines)) if lines else Paragraph("AUTOSPC constrained no DOF.")
-    return [Heading("DOFs constrained by AUTOSPC"), found]
+    block = Listing(tuple(lines)) if lines else Paragraph("AUTOSPC constrained no DOF.")
+    return [Heading("DOFs constrained by AUTOSPC"), block]
 
 
 def support_words(c: ModelConfiguration) -> tuple[str, str]:

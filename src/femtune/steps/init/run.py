@@ -397,13 +397,13 @@ class _Draft:
             guessed = replace(guessed, units=unit_system(self.stated), reasons=("as stated",), doubts=())
         self.units = guessed
         numbers, points = _points(_in_units(measured.test, guessed))
-        found = guess_sensors(structure, numbers, points, self.asked)
-        if found.factor != 1.0 and guessed.of_test is not None and (unit := self._unit_of(found.factor)):
+        guess = guess_sensors(structure, numbers, points, self.asked)
+        if guess.factor != 1.0 and guessed.of_test is not None and (unit := self._unit_of(guess.factor)):
             # the file states no unit: the one that puts the points onto the mesh
             self.units = replace(guessed, of_test=unit_system(unit))
             numbers, points = _points(_in_units(measured.test, self.units))
-            found = guess_sensors(structure, numbers, points, self.asked)
-        self.sensors = found
+            guess = guess_sensors(structure, numbers, points, self.asked)
+        self.sensors = guess
 
     def _unit_of(self, factor: float) -> str:
         """The system whose unit of length is that of the test, where its coordinates need a factor; "" if none is."""
@@ -441,8 +441,8 @@ class _Draft:
             progress.step("ranking the parameters", 0, None)
             own = _own_test(study, solution, self._highest)
             if len(own.test):
-                found, self.skipped = ranked(fields, study.parameters, own, solution)
-                self.proposed = tuple(found)
+                ranking, self.skipped = ranked(fields, study.parameters, own, solution)
+                self.proposed = tuple(ranking)
         solution.forget_factors()
 
     def _decided_by_shapes(self, case: StudyCase, solution: EigenSolution) -> bool:
@@ -484,7 +484,7 @@ class _Draft:
         assert test.modes is not None
         structure = case.configured.model.structure
         try:
-            found = map_sensors(
+            mapped = map_sensors(
                 replace(test, modes=real_modes(test.modes).modes, frfs=None),
                 structure,
                 tolerance=one.sensors.get("tolerance") or sensor_tolerance(self._file((), False), structure),
@@ -493,8 +493,8 @@ class _Draft:
             )
         except FemtuneError:
             return 0.0
-        modes = real_modes(test.modes).modes.select_dofs(found.dofs)
-        rows = found.matrix @ case.configured.transformation
+        modes = real_modes(test.modes).modes.select_dofs(mapped.dofs)
+        rows = mapped.matrix @ case.configured.transformation
         freq = solution.freq_hz[: solution.wanted]
         apart = np.abs(freq[None] / modes.freq_hz[:, None] - 1.0) > case.compared.rules.frequency_gate
         return mean_mac(np.real(modes.shapes), np.asarray(rows @ solution.shapes[:, : solution.wanted]), apart)

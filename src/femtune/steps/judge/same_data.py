@@ -36,12 +36,12 @@ def check_independent(study: Study) -> None:
         if case.entry.use != "validation" or case.test is None:
             continue
         for other in study.cases:
-            found = _shared(study, other, case, judged_tests(case), case.test.frfs)
-            if found.words:
+            shared = _shared(study, other, case, judged_tests(case), case.test.frfs)
+            if shared.words:
                 errors.errors.append(
                     FemtuneError(
                         "study.validation-used", where=place_of(study.file, case.entry, "test"),
-                        configuration=case.name, used=other.name, shared=found.words,
+                        configuration=case.name, used=other.name, shared=shared.words,
                     )
                 )  # fmt: skip
     errors.raise_if_any()
@@ -53,10 +53,10 @@ def counted_twice(study: Study) -> Iterator[Alert]:
     for first, second in combinations(used, 2):
         if first.entry.specimen != second.entry.specimen:
             continue
-        found = _shared(study, first, second, _used_modes(second), _used_frfs(study, second))
-        if found.words:
+        shared = _shared(study, first, second, _used_modes(second), _used_frfs(study, second))
+        if shared.words:
             yield alert(
-                "warning", "study.test-counted-twice", first=first.name, second=second.name, shared=found.words
+                "warning", "study.test-counted-twice", first=first.name, second=second.name, shared=shared.words
             )  # fmt: skip
 
 
@@ -79,9 +79,9 @@ def _shared(study: Study, used: StudyCase, other: StudyCase, positions: Iterable
     used_modes, asked, labels = set(_used_modes(used)), set(positions), tuple[str, ...]()
     if used.modal is not None and other.modal is not None and used.used is not None and asked:
         # without the channels that are held out
-        found = shared_modes(used.used.test, other.modal.test)
-        same = {j for i, j in found.pairs if i in used_modes and j in asked}
-        if found.by_shape and same and (same_file(used, other) or enough(len(same), len(asked))):
+        modes = shared_modes(used.used.test, other.modal.test)
+        same = {j for i, j in modes.pairs if i in used_modes and j in asked}
+        if modes.by_shape and same and (same_file(used, other) or enough(len(same), len(asked))):
             labels = tuple(other.modal.test.labels[j] for j in sorted(same))
     mine = _used_frfs(study, used)
     functions = shared_functions(mine, frfs) if mine is not None and frfs is not None else ()

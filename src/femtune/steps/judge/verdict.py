@@ -45,12 +45,12 @@ def judgement_of_comparisons(
 ) -> JudgementResults:
     """The verdict on a comparison without an update: what was compared, the criteria, and what the
     comparison found."""
-    found = [
+    all_reasons = [
         *reasons_of_comparisons(correlations, modes, acceptance),
         *reasons_of_criteria(correlations, acceptance),
         *reasons_of_alerts([a for c in correlations for a in c.alerts if a.code.startswith("correlate.")]),
     ]
-    reasons = [_placed(r, [c.configuration for c in correlations]) for r in found]
+    reasons = [_placed(r, [c.configuration for c in correlations]) for r in all_reasons]
     return _with_reasons(JudgementResults(verdict="accepted", line="", acceptance=acceptance), reasons)
 
 

@@ -146,16 +146,16 @@ def grid_motion(configured: ConfiguredModel, shapes: NDArray) -> NDArray[np.floa
     shape with NaN entries is NaN throughout."""
     rows, known = np.arange(len(configured.model.structure.nodes.ids)), np.isfinite(shapes).all(axis=0)
     filled = np.where(known, shapes, 0.0)
-    found = np.concatenate([_in_basic_axes(configured, filled, rows, k + np.arange(3)) for k in (0, 3)], axis=1)
-    found[:, :, ~known] = np.nan
-    return found
+    motion = np.concatenate([_in_basic_axes(configured, filled, rows, k + np.arange(3)) for k in (0, 3)], axis=1)
+    motion[:, :, ~known] = np.nan
+    return motion
 
 
 def _in_basic_axes(
     configured: ConfiguredModel, shapes: NDArray, rows: NDArray[np.int64], components: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    own = configured.transformation[(6 * rows[:, None] + components).ravel()] @ shapes
-    return np.einsum("nij,njm->nim", configured.model.structure.nodes.frames[rows], own.reshape(len(rows), 3, -1))
+    motion = configured.transformation[(6 * rows[:, None] + components).ravel()] @ shapes
+    return np.einsum("nij,njm->nim", configured.model.structure.nodes.frames[rows], motion.reshape(len(rows), 3, -1))
 
 
 def _energies(configured: ConfiguredModel, solution: EigenSolution, mesh: DrawnMesh) -> dict[str, NDArray]:
@@ -244,5 +244,5 @@ def _wire(geometry: WireFrame, sensors: SensorMap) -> NDArray[np.int64]:
         first.setdefault(match.label.node, row)
     closed = [(*nodes, nodes[0]) if len(nodes) > 2 else nodes for nodes in geometry.elements]
     steps = {(min(a, b), max(a, b)) for nodes in (*geometry.lines, *closed) for a, b in pairwise(nodes) if a != b}
-    found = [(first[a], first[b]) for a, b in sorted(steps) if a in first and b in first]
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    edges = [(first[a], first[b]) for a, b in sorted(steps) if a in first and b in first]
+    return np.array(edges, dtype=np.int64).reshape(-1, 2)

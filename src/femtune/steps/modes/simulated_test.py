@@ -149,5 +149,5 @@ def _simulated(
     at = np.array([nodes.position(n) for n in sorted({d.node for d in dofs if d.component})], dtype=int)
     frame = WireFrame(nodes.ids[at], nodes.xyz[at], nodes.frames[at].transpose(0, 2, 1))
     units = study.file.study.unit_system if study.units_known else unit_system(str(wanted.units))
-    found = ModeSet(freq, shapes, dofs, source="simulated")
-    return ModalTest(id_line(case.name), units, frame, sensors_at(frame, dofs), modes=found)
+    modes = ModeSet(freq, shapes, dofs, source="simulated")
+    return ModalTest(id_line(case.name), units, frame, sensors_at(frame, dofs), modes=modes)

@@ -77,8 +77,8 @@ def surface_mesh(case: StudyCase) -> DrawnMesh:
     """Active line elements, shells and the outside of solids, all of them; without rigid elements."""
     configured = case.configured
     mesh = case.mesh or whole_mesh(configured.model.structure, configured.configuration.elements_off)
-    own = mesh.kinds == ELEMENT
-    return replace(mesh, lines=mesh.lines[own], kinds=mesh.kinds[own])
+    are_elements = mesh.kinds == ELEMENT
+    return replace(mesh, lines=mesh.lines[are_elements], kinds=mesh.kinds[are_elements])
 
 
 def accessible_rows(study: Study, case: StudyCase, table: PlanTable, mesh: DrawnMesh) -> Integers:
@@ -127,8 +127,8 @@ def _named(study: Study, key: str, numbers: Elements) -> Integers:
 
 def _rows_of(study: Study, elements: Iterable[int]) -> Integers:
     wanted, count = np.array(sorted(elements), np.int64), len(study.model.structure.nodes.ids)
-    found = [b.nodes[np.isin(b.ids, wanted)].ravel() for b in study.model.structure.batches]
-    rows = np.unique(np.concatenate([np.zeros(0, np.int64), *found]))
+    grid_rows = [b.nodes[np.isin(b.ids, wanted)].ravel() for b in study.model.structure.batches]
+    rows = np.unique(np.concatenate([np.zeros(0, np.int64), *grid_rows]))
     return rows[(rows >= 0) & (rows < count)]
 
 

@@ -123,8 +123,8 @@ def _given(study: Study, solution: EigenSolution, targets: Integers, table: Plan
             row = nodes.position(dof.node)
         axes = nodes.frames[row].T.copy()
         axes[dof.component - 1] *= dof.sign
-        own = grid_translations(motion, solution, np.array([row]))[0]
-        shape = axes[dof.component - 1] @ own
+        translations = grid_translations(motion, solution, np.array([row]))[0]
+        shape = axes[dof.component - 1] @ translations
         if not np.abs(shape[targets]).max(initial=0.0) > 0.0:
             raise FemtuneError("plan.exciters/still", where=where, dof=text)
         exciters.append(Exciter(row, axes, dof.component - 1, shape[targets], given=True))

@@ -149,8 +149,8 @@ class _Maker:
     def matched(self, solution: EigenSolution, targets: Integers, other: EigenSolution) -> Integers:
         """Positions of the target modes in another solution, by the MAC at the candidates."""
         one = self._at_sites(solution)[:, targets]
-        found = mac(one, self._at_sites(other))
-        return np.asarray(linear_sum_assignment(-found)[1])
+        macs = mac(one, self._at_sites(other))
+        return np.asarray(linear_sum_assignment(-macs)[1])
 
     def _at_sites(self, solution: EigenSolution) -> Reals:
         motion = grid_translations(self.case.configured, solution, self.sites.rows)

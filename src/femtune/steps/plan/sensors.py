@@ -155,15 +155,15 @@ class SensorPlan:
 
     def _triaxial(self, count: int) -> None:
         free = self._free()
-        found = self._search(self._sites.local[free], free, self._sites.axes[free], count, "triaxial")
-        self.sensors += [self._sensor("triaxial", int(free[i]), None) for i in found.chosen]
+        chosen = self._search(self._sites.local[free], free, self._sites.axes[free], count, "triaxial")
+        self.sensors += [self._sensor("triaxial", int(free[i]), None) for i in chosen.chosen]
 
     def _uniaxial(self, count: int) -> None:
         open_ = self._open_axes()
         site, axis = self.uniaxial.site[open_], self.uniaxial.axis[open_]
         shapes = self._sites.local[site, axis][:, None, :]
-        found = self._search(shapes, site, self._sites.axes[site, axis][:, None, :], count, "uniaxial")
-        self.sensors += [self._sensor("uniaxial", int(site[i]), int(axis[i])) for i in found.chosen]
+        chosen = self._search(shapes, site, self._sites.axes[site, axis][:, None, :], count, "uniaxial")
+        self.sensors += [self._sensor("uniaxial", int(site[i]), int(axis[i])) for i in chosen.chosen]
 
     def _open_axes(self) -> Integers:
         """Uniaxial candidates at points without a sensor, or along another axis of the same axes."""

@@ -106,14 +106,14 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
     arrays[keys["weights"]] = s.weights.values
     arrays[keys["linear"]] = np.asarray(parameters.denormalise(facts.complete(s.linear)))[:, facts.moving]
     arrays[keys["sizes"]] = np.exp(s.theta)
-    found, noise = tuple(_parameters(facts)), tuple(_noise(facts))
+    estimates, noise = tuple(_parameters(facts)), tuple(_noise(facts))
     coordinates = s.x
     bent = tuple(
         BentPair(first=facts.names[b.first], second=facts.names[b.second], share_percent=100.0 * b.share)
         for b in bends(coordinates, s.weights.values)
     )
     chance = 2.0 * _QUANTILE_SD / np.sqrt(s.weights.effective)
-    off = [p for p in found if not _linear_does(p, chance)]
+    off = [p for p in estimates if not _linear_does(p, chance)]
     anew = float(s.weights.values @ facts.anew)
     others = tuple(
         OtherRegion(
@@ -127,7 +127,7 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
         drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
         log_evidence=s.log_evidence, log_evidence_sd=s.log_evidence_sd, gradient_solutions=s.gradients,
         plain_solutions=s.plain, failed=s.failed, paired_anew_percent=100.0 * anew, recalled=facts.recalled,
-        seconds=facts.seconds, executor=facts.executor, parameters=found, free=facts.names, noise_levels=noise,
+        seconds=facts.seconds, executor=facts.executor, parameters=estimates, free=facts.names, noise_levels=noise,
         bent=bent, others=others, starts=facts.starts, linear_enough=not off, tried=s.tried, left_out=facts.left_out,
         reduced_orders=facts.reduced_orders, full_model_error=facts.full_error, samples_key=keys["samples"],
         weights_key=keys["weights"], linear_key=keys["linear"], sizes_key=keys["sizes"], sentences=(),
@@ -151,11 +151,11 @@ def _parameters(facts: SampledFacts) -> Iterator[PosteriorParameter]:
         sd = float(np.sqrt(w @ (sampled[name] - mean) ** 2))
         low, median, high = map(float, weighted_quantiles(sampled[name], w, _ENDS))
         l_low, l_median, l_high = map(float, np.quantile(linear[name], _ENDS))
-        own, of_prior = intervals[name], before.get(name)
+        interval, of_prior = intervals[name], before.get(name)
         yield PosteriorParameter(
             parameter=name, value=values[name], mean=mean, median=median, sd=sd, interval_95=(low, high),
             linear_median=l_median, linear_sd=float(linear[name].std()), linear_interval_95=(l_low, l_high),
-            update_interval_95=own if np.isfinite(own).all() else None, prior_sd=of_prior,
+            update_interval_95=interval if np.isfinite(interval).all() else None, prior_sd=of_prior,
             of_bounds=of_prior is not None and sd > _AS_WIDE * of_prior,
         )  # fmt: skip
 
@@ -165,8 +165,8 @@ def _prior_sd(facts: SampledFacts) -> dict[str, float]:
     informed = bool(np.any(facts.result.side.informative)) and len(facts.result.side.matrix) > 0
     lower, upper = (parameters.denormalise(ends) for ends in parameters.limits)
     uniform = (upper - lower) / np.sqrt(12.0)
-    own = np.minimum(parameters.prior[1] * parameters.scale, uniform) if informed else uniform
-    return {parameters.free[i].name: float(own[i]) for i in facts.moving}
+    prior_sd = np.minimum(parameters.prior[1] * parameters.scale, uniform) if informed else uniform
+    return {parameters.free[i].name: float(prior_sd[i]) for i in facts.moving}
 
 
 def _noise(facts: SampledFacts) -> Iterator[PosteriorNoise]:

@@ -125,11 +125,11 @@ def _pictures(source: ReportSource, record: PosteriorResults) -> list[Block]:
 
 def posterior_document(subject: Subject, results: Results) -> Document:
     """The first sentence, or why there is no distribution."""
-    found = results.posterior
-    if found is None:
+    record = results.posterior
+    if record is None:
         reasons = [a.sentence for a in results.alerts if a.code.startswith(("posterior.", "executor."))]
         return subject.document(as_sentence((reasons or ["there are no samples"])[0]), "problem", ())
-    sections = (Section("posterior", "Posterior distribution", tuple(posterior_blocks(found))), *warnings_of(results))
-    levels = {a.level for a in found.alerts}
+    sections = (Section("posterior", "Posterior distribution", tuple(posterior_blocks(record))), *warnings_of(results))
+    levels = {a.level for a in record.alerts}
     level: Level = "problem" if "problem" in levels else "warning" if "warning" in levels else "info"
-    return subject.document(found.sentences[0], level, sections)
+    return subject.document(record.sentences[0], level, sections)

@@ -87,27 +87,27 @@ def posterior_at(
     ------
     FemtuneError : ``posterior.*``, ``executor.*``, ``run.unwritable``
     """
-    table, found = study.file.posterior, update.result
+    table, result = study.file.posterior, update.result
     assert table is not None
     begun = time.monotonic()
     with errors_at(study.file.where("posterior")):
-        if not found.status.ok:
-            raise FemtuneError("posterior.not-converged", status=found.status.value)
+        if not result.status.ok:
+            raise FemtuneError("posterior.not-converged", status=result.status.value)
         reduced = update.search if update.search is not None and update.search.serves_all else None
         full = solved_by(study, direct).problem()
         problem = full if reduced is None else reduced.reduced_problem()
-        solving = solving_of(problem, found, reduced is not None)
+        solving = solving_of(problem, result, reduced is not None)
         executor = executor_of(study, reduced=reduced is not None)
         solutions = _Solutions(solving, executor, FinishedRuns(folder / POSTERIOR_FILE, _key(solving)), progress)
         solutions.begin(study.file.study.journal)
-        likelihood = _likelihood(solving, found, table)
+        likelihood = _likelihood(solving, result, table)
         sampler = _sampler(solving, likelihood, table, solutions)
         samples = sampler.run()
         starts, regions = _other_regions(study, update, problem, solving, samples, likelihood, table, progress)
         orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
-        error = None if reduced is None else _full_error(full, found, samples, likelihood, progress)
+        error = None if reduced is None else _full_error(full, result, samples, likelihood, progress)
     facts = SampledFacts(
-        table=table, result=found, moving=solving.moving, samples=samples, likelihood=likelihood,
+        table=table, result=result, moving=solving.moving, samples=samples, likelihood=likelihood,
         anew=np.array([solutions.anew(x) for x in samples.x]), recalled=solutions.recalled,
         seconds=time.monotonic() - begun, executor=executor.words, starts=starts, regions=regions,
         left_out=_left_out(solving), reduced_orders=orders, full_error=error,
@@ -182,8 +182,8 @@ class _Solutions:
             lines = self.file.begin(resume)
         except OSError as error:
             raise unwritable(self.file.path.parent, error) from error
-        found = ((str(line.get("run")), _of_line(line)) for line in lines)
-        self.known = {run: solved for run, solved in found if solved is not None}
+        from_journal = ((str(line.get("run")), _of_line(line)) for line in lines)
+        self.known = {run: solved for run, solved in from_journal if solved is not None}
 
     def tell(self, text: str) -> None:
         """What is done."""
@@ -210,10 +210,10 @@ class _Solutions:
             self.progress.step(what, done, len(keys))
 
         tasks = [(np.array(x), derivatives) for x in points]
-        found = finish(
+        results = finish(
             self.executor, self.solving, tasks, known, name="sample", finished=keep, remark=self.remarks.append
         )
-        return [None if s.problem else Known(np.array(x), s.residuals, s.jacobian) for x, s in zip(points, found)]
+        return [None if s.problem else Known(np.array(x), s.residuals, s.jacobian) for x, s in zip(points, results)]
 
     def anew(self, x: Reals) -> bool:
         """Whether the pairing is another one at a sample that was solved without derivatives."""
@@ -272,7 +272,7 @@ def _other_regions(
         method = method_of(study.file.update, study.parameters)
         many = multi_start(problem, method, rules, active=update.result.active)
     theta = samples.weights.values @ samples.theta
-    own = likelihood.at(samples.residuals, np.tile(theta, (len(samples.x), 1)))
+    at_centre = likelihood.at(samples.residuals, np.tile(theta, (len(samples.x), 1)))
     regions = []
     for optimum in many.optima:
         x = optimum.x[solving.moving]
@@ -285,8 +285,8 @@ def _other_regions(
         if len(there) != len(solving.of(solving.at, False).residuals):
             continue
         log = float(likelihood.at(there[None], theta[None])[0])
-        if log > np.quantile(own, _LOWER_EDGE) - _AS_GOOD:
-            regions.append(OutsideOptimum(optimum.x, log - float(own.max()), len(optimum.members)))
+        if log > np.quantile(at_centre, _LOWER_EDGE) - _AS_GOOD:
+            regions.append(OutsideOptimum(optimum.x, log - float(at_centre.max()), len(optimum.members)))
     return len(many.starts), tuple(regions)
 
 

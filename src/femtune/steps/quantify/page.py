@@ -172,10 +172,12 @@ def _pictures(source: ReportSource, record: QuantifyResults) -> list[Block]:
         out.append(Figure(partial(clouds_svg, labels, clouds), caption, alt, wide=True))
     if len(record.parameters) > 1:
         mean = np.array([p.mean for p in record.parameters])
-        own = (Cloud("parameters", np.zeros((0, len(mean))), mean, spread),)
+        empty_cloud = (Cloud("parameters", np.zeros((0, len(mean))), mean, spread),)
         caption = "95 % ellipses of the parameters."
         alt = f"{caption} {listed(f'{p.parameter} {value(p.mean)} ± {short(p.sd)}' for p in record.parameters)}"
-        out.append(Figure(partial(clouds_svg, [p.parameter for p in record.parameters], own), caption, alt, wide=True))
+        out.append(
+            Figure(partial(clouds_svg, [p.parameter for p in record.parameters], empty_cloud), caption, alt, wide=True)
+        )
     return out
 
 

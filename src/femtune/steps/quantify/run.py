@@ -158,12 +158,14 @@ def quantify_at(
     with errors_at(study.file.where("quantify")), in_words_of_the_study(table):
         data = _prepared(study, table, repeats, start)
         outputs, used, rows, held = data.frequencies, data.outputs, data.rows, data.held
-        found = _updated(study, table, used, data.measured, start)
+        updated = _updated(study, table, used, data.measured, start)
         progress.step(f"forward check with {table.samples} samples", 0, None)
-        samples = _Samples(study, found, data.frequencies.paired, folder)
-        check = forward_check(used, found, table.samples, table.seed, samples.solve)
-        intervals = parameter_intervals(outputs, found, rows[~held, : len(outputs.modes)]) if table.intervals else None
-        tested = _tested(rows, len(outputs.modes), held, check, found)
+        samples = _Samples(study, updated, data.frequencies.paired, folder)
+        check = forward_check(used, updated, table.samples, table.seed, samples.solve)
+        intervals = (
+            parameter_intervals(outputs, updated, rows[~held, : len(outputs.modes)]) if table.intervals else None
+        )
+        tested = _tested(rows, len(outputs.modes), held, check, updated)
     record = _record(study, table, repeats, check, tested, arrays)
     return record.model_copy(update={"intervals": intervals})
 
@@ -205,15 +207,15 @@ class _Samples:
 
 def _known(lines: Sequence[Mapping[str, Any]], count: int, size: int) -> dict[int, Reals]:
     """Outputs by the number of the sample; what cannot be read is solved again."""
-    found = {}
+    samples = {}
     for line in lines:
         try:
             z, number = np.array(line["outputs"], float), int(line["sample"])
         except (ValueError, KeyError, TypeError):
             continue
         if z.shape == (size,) and np.isfinite(z).all() and 0 <= number < count:
-            found[number] = z
-    return found
+            samples[number] = z
+    return samples
 
 
 def _shapes_of(repeats: Repeats, outputs: ShapeOutputs) -> Reals:
@@ -226,11 +228,11 @@ def _shapes_of(repeats: Repeats, outputs: ShapeOutputs) -> Reals:
 
 def _statistics(rows: Reals, outputs: FrequencyOutputs | ShapeOutputs, table: QuantifyTable) -> OutputStatistics:
     """Statistics of the repeats of the fit; entries of shapes are relative to their unit norm."""
-    found = statistics_of_repeats(rows, outputs.labels, table.missing, table.covariance, checked=False)
+    statistics = statistics_of_repeats(rows, outputs.labels, table.missing, table.covariance, checked=False)
     if not isinstance(outputs, ShapeOutputs):
-        return found
-    own = len(outputs.frequencies.modes)
-    return replace(found, scale=np.where(np.arange(len(found.mean)) < own, np.abs(found.mean), 1.0))
+        return statistics
+    count = len(outputs.frequencies.modes)
+    return replace(statistics, scale=np.where(np.arange(len(statistics.mean)) < count, np.abs(statistics.mean), 1.0))
 
 
 def _with_noise(
@@ -245,7 +247,7 @@ def _with_noise(
     if isinstance(asked, dict) and (unknown := [m for m in modes if m not in asked]):
         raise FemtuneError("quantify.noise", values={"compared modes": ", ".join(modes)}, mode=unknown[0])
     noise = np.zeros((len(measured.mean), len(measured.mean)))
-    own = np.arange(len(modes))
+    rows = np.arange(len(modes))
     if asked == "test":
         sd = frequencies.test_sd_hz
         if (gone := np.flatnonzero(~np.isfinite(sd))).size:
@@ -257,7 +259,7 @@ def _with_noise(
     else:
         shares = np.array([asked[m] if isinstance(asked, dict) else asked for m in modes])
         sd = shares * measured.mean[: len(modes)]
-    noise[own, own] = sd**2
+    noise[rows, rows] = sd**2
     return replace(measured, noise=noise)
 
 
@@ -340,22 +342,27 @@ def _updated(
         raise FemtuneError(
             "quantify.start-sd/updated", values={"parameters": ", ".join(n for n, s in zip(names, first.sd) if not s)}
         )
-    found = stochastic_update(outputs, measured, names, first.mean, first.sd, rules)
-    return replace(found, start=start, solutions=found.solutions + first.solutions)
+    updated = stochastic_update(outputs, measured, names, first.mean, first.sd, rules)
+    return replace(updated, start=start, solutions=updated.solutions + first.solutions)
 
 
 def _record(
     study: Study, table: QuantifyTable, repeats: Repeats, check: ForwardCheck, tested: _Tested, arrays: Arrays
 ) -> QuantifyResults:
-    found = tested.found
-    measured, status = found.measured, found.status
+    updated = tested.found
+    measured, status = updated.measured, updated.status
     keys = {name: f"quantify/{name}" for name in ("repeats", "covariance", "cloud", "parameter_covariance")}
-    own = tested.frequencies
-    cloud = check.with_noise(table.seed)[:, :own]
-    values = (measured.repeats[:, :own], measured.covariance[:own, :own], cloud, found.covariance)
+    frequencies = tested.frequencies
+    cloud = check.with_noise(table.seed)[:, :frequencies]
+    values = (
+        measured.repeats[:, :frequencies],
+        measured.covariance[:frequencies, :frequencies],
+        cloud,
+        updated.covariance,
+    )
     arrays |= dict(zip(keys.values(), values))
-    near = _distances(found)
-    parameters = _parameters(study, found, near)
+    near = _distances(updated)
+    parameters = _parameters(study, updated, near)
     return QuantifyResults(
         configuration=repeats.case.name,
         method=table.method,
@@ -364,17 +371,17 @@ def _record(
         ok=status.ok,
         estimate=measured.estimate,
         repeats=len(measured.repeats),
-        solutions=found.solutions,
+        solutions=updated.solutions,
         samples=table.samples,
         covariance_error_percent=100.0 * check.covariance_error,
         chance_error_percent=100.0 * check.chance_error,
-        unexplained_percent=100.0 * found.unexplained,
+        unexplained_percent=100.0 * updated.unexplained,
         agrees=check.agrees,
         parameters=parameters,
         outputs=_output_records(check, tested.checks),
-        entries=_entry_records(check, own),
-        output_covariance_key=_keep_covariance(measured, own, arrays),
-        sentences=(*check.sentences, *_remarks(found, parameters), *_of_distances(near)),
+        entries=_entry_records(check, frequencies),
+        output_covariance_key=_keep_covariance(measured, frequencies, arrays),
+        sentences=(*check.sentences, *_remarks(updated, parameters), *_of_distances(near)),
         checks=_check_records(tested),
         noise_percent=_noise_percent(measured),
         outliers=tested.checks.outliers,
@@ -384,7 +391,7 @@ def _record(
         covariance_key=keys["covariance"],
         cloud_key=keys["cloud"],
         parameter_covariance_key=keys["parameter_covariance"],
-        citations=citations(found.citations),
+        citations=citations(updated.citations),
     )
 
 
@@ -509,41 +516,41 @@ def _of_outliers(checks: RepeatChecks) -> RepeatCheck:
     robust = checks.robust
     if not isinstance(robust, RobustMoments):
         return _untested(OUTLIERS, _NO_OUTLIERS[robust])
-    found = checks.of_outliers()
-    said = found[0].what if found else (
+    outliers = checks.of_outliers()
+    said = outliers[0].what if outliers else (
         f"No repeat is an outlier (largest robust distance {robust.distance.max():.3g}, limit {robust.limit:.3g})"
     )  # fmt: skip
     return RepeatCheck(
-        check=OUTLIERS, p_value=robust.p_value, limit=LEVEL, verdict="fail" if found else "pass",
+        check=OUTLIERS, p_value=robust.p_value, limit=LEVEL, verdict="fail" if outliers else "pass",
         sentence=_sentence(said),
     )  # fmt: skip
 
 
 def _of_prediction(tested: _Tested) -> RepeatCheck:
-    held, found = int(tested.held.sum()), tested.prediction
+    held, prediction = int(tested.held.sum()), tested.prediction
     if not held:
         return _untested(HELD_OUT, "all repeats were used by the update; hold_out keeps some of them for this test")
-    if found is None:
+    if prediction is None:
         return _untested(
             HELD_OUT,
             "this test needs at least five held-out repeats without missing values, and frequencies that vary in the "
             "predicted distribution",
         )
-    worst = int(np.nanargmax(np.abs(found.mean_difference)))
-    widest = int(np.nanargmax(np.abs(np.log(np.maximum(found.sd_ratio, 1e-12)))))
+    worst = int(np.nanargmax(np.abs(prediction.mean_difference)))
+    widest = int(np.nanargmax(np.abs(np.log(np.maximum(prediction.sd_ratio, 1e-12)))))
     labels = tested.found.measured.labels
-    still = ", ".join(labels[i] for i in np.flatnonzero(found.silent))
+    still = ", ".join(labels[i] for i in np.flatnonzero(prediction.silent))
     rest = f" Not compared, because the parameters do not change them: {still}." if still else ""
-    p_values = ", ".join(f"{part} {p:.2g}" for part, p in found.p_values.items())
-    outcome = "agree with" if found.agrees else "differ from"
+    p_values = ", ".join(f"{part} {p:.2g}" for part, p in prediction.p_values.items())
+    outcome = "agree with" if prediction.agrees else "differ from"
     return RepeatCheck(
-        check=HELD_OUT, p_value=found.p_value, limit=LEVEL, verdict="pass" if found.agrees else "fail",
+        check=HELD_OUT, p_value=prediction.p_value, limit=LEVEL, verdict="pass" if prediction.agrees else "fail",
         sentence=(
-            f"The {found.repeats} repeats that were held out {outcome} the predicted distribution (p-values: "
+            f"The {prediction.repeats} repeats that were held out {outcome} the predicted distribution (p-values: "
             f"{p_values}). Largest difference of the means: {labels[worst]}, "
-            f"{found.mean_difference[worst]:+.2g} predicted standard deviations. "
+            f"{prediction.mean_difference[worst]:+.2g} predicted standard deviations. "
             f"Largest difference of the standard deviations: {labels[widest]}, "
-            f"{100 * found.sd_ratio[widest] - 100:+.0f} %.{rest}"
+            f"{100 * prediction.sd_ratio[widest] - 100:+.0f} %.{rest}"
         ),
     )  # fmt: skip
 

@@ -290,9 +290,9 @@ def _slopes(source: ReportSource, comparison: CorrelationResults) -> dict[str, A
     selection = source.results.selection
     if selection is None:
         return {}
-    own = (s for s in selection.sensitivities if s.configuration == comparison.configuration)
-    found = {s.test_label: s.percent_per_percent for s in own}
-    slopes = tuple(found.get(label, ()) for label in comparison.mac_test_labels)
+    sensitivities = (s for s in selection.sensitivities if s.configuration == comparison.configuration)
+    percent_of = {s.test_label: s.percent_per_percent for s in sensitivities}
+    slopes = tuple(percent_of.get(label, ()) for label in comparison.mac_test_labels)
     return {"parameters": selection.column_labels, "slopes": slopes}
 
 

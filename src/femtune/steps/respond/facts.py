@@ -382,9 +382,9 @@ def _fdac(
     labels = (request.inputs if by_input else request.outputs).labels
     for j in map(int, np.flatnonzero(known.sum(axis=0) >= _LEAST_FUNCTIONS)):
         key = f"{prefix}_fdac_{j + 1}"
-        found = fdac(test[known[:, j], j], model[known[:, j], j])
-        shift = frequency_shift(found, measured.freq_hz[test_at], model_hz[model_at])
-        arrays |= {key: found, f"{key}_test_hz": measured.freq_hz[test_at], f"{key}_hz": model_hz[model_at]}
+        correlation = fdac(test[known[:, j], j], model[known[:, j], j])
+        shift = frequency_shift(correlation, measured.freq_hz[test_at], model_hz[model_at])
+        arrays |= {key: correlation, f"{key}_test_hz": measured.freq_hz[test_at], f"{key}_hz": model_hz[model_at]}
         yield FdacResults(
             axis="input" if by_input else "output",
             dof=str(labels[j]),

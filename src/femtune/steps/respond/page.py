@@ -30,8 +30,8 @@ _NEARLY_REAL = 0.95
 
 def complex_modes(source: ReportSource) -> list[Block]:
     """A table each configuration and model version, or why there is none; [] where no FRFs were requested."""
-    found = [r for r in source.results.responses if r.frfs is not None]
-    return pole_blocks(found)
+    records = [r for r in source.results.responses if r.frfs is not None]
+    return pole_blocks(records)
 
 
 def pole_blocks(responses: list[ResponseResults]) -> list[Block]:

@@ -36,8 +36,8 @@ class RespondResult(OfConfigurations[ResponseResults], ResultWithPage):
     @property
     def frf_sets(self) -> dict[str, FrfSet]:
         """The functions of the model by configuration: values (outputs, inputs, lines), complex."""
-        found = {r.configuration: r.frfs for r in self.records}
-        return {name: frf_set(frfs, self.arrays) for name, frfs in found.items() if frfs is not None}
+        set_of = {r.configuration: r.frfs for r in self.records}
+        return {name: frf_set(frfs, self.arrays) for name, frfs in set_of.items() if frfs is not None}
 
     @property
     def measured_sets(self) -> dict[str, FrfSet]:

@@ -91,9 +91,11 @@ def _of_residuals(study: Study) -> Iterable[Alert]:
 
 def _of_truncation(results: Results) -> Iterable[Alert]:
     """FRFs of residuals that lack modes."""
-    for found in () if results.update is None else results.update.frf_truncation:
-        if not found.small:
-            yield alert("warning", "residual.frf-truncated", configuration=found.configuration, outcome=found.sentence)
+    for truncation in () if results.update is None else results.update.frf_truncation:
+        if not truncation.small:
+            yield alert(
+                "warning", "residual.frf-truncated", configuration=truncation.configuration, outcome=truncation.sentence
+            )
 
 
 def _of_left_out_modes(results: Results) -> Iterable[Alert]:
@@ -135,11 +137,14 @@ def _of_raw(results: Results) -> Iterable[Alert]:
         yield alert(
             "info", "update.raw", paired=raw.paired, median=raw.others_percent, moved=moved[name], name=name,
         )  # fmt: skip
+    fisher = results.update.fisher if results.update is not None else None
+    if fisher is not None and fisher.misfit <= _MISFIT:
+        # only noise is left: what moved the parameters was an error of the identified test, which no longer counts
+        return
     far = [n for n, size in moved.items() if size > _MOVED]
     if far:
         yield alert("warning", "update.raw-moved", names=", ".join(far), limit=_MOVED)
-    fisher = results.update.fisher if results.update is not None else None
-    if fisher is not None and fisher.misfit > _MISFIT:
+    if fisher is not None:
         yield alert("warning", "update.raw-misfit", factor=fisher.misfit)
 
 
@@ -154,9 +159,9 @@ def _of_completeness(mapped: MappedDamping) -> Iterable[Alert]:
             for m in missed
         )
         yield alert("warning", "update.mode-not-identified", configuration=mapped.configuration, modes=modes)
-    found = [m for m in mapped.modes if m.found_hz is not None]
-    if found:
-        modes = ", ".join(f"mode {m.mode} ({m.model_hz:.4g} Hz; found at {m.found_hz:.4g} Hz)" for m in found)
+    guided = [m for m in mapped.modes if m.found_hz is not None]
+    if guided:
+        modes = ", ".join(f"mode {m.mode} ({m.model_hz:.4g} Hz; found at {m.found_hz:.4g} Hz)" for m in guided)
         yield alert("info", "update.mode-found", configuration=mapped.configuration, modes=modes)
     alone = [f"{m.test_hz:.4g} Hz" for m in mapped.modes if m.mode is None and m.test_hz is not None]
     if alone:
@@ -272,8 +277,8 @@ def _of_model(results: Results) -> Iterable[Alert]:
             yield alert("warning", "model.element-degenerate", count=test.beyond, test=test.test, worst=worst)
     for c in results.model.configurations:
         if c.rigid_body_check.verdict == "fail":
-            found = c.rigid_body_check.sentence
-            yield alert("warning", "model.grounded", configuration=c.configuration, found=found)
+            sentence = c.rigid_body_check.sentence
+            yield alert("warning", "model.grounded", configuration=c.configuration, found=sentence)
 
 
 def _of_silent_modes(study: Study) -> Iterable[Alert]:

@@ -77,9 +77,9 @@ class RunResult(StepResult):
             return Rows()
         facts = {p.name: p for p in self.results.parameters}
         columns = ("value", "sd", "change_percent", "interval_95", "interval_kind", "at_bound", "sd_reason")
-        found = zip(self.results.update.parameters, rows_of(self.results.update.parameters, *columns))
+        rows = zip(self.results.update.parameters, rows_of(self.results.update.parameters, *columns))
         return Rows.of(
-            {"name": p.name, "unit": facts[p.name].unit, "nominal": facts[p.name].nominal, **row} for p, row in found
+            {"name": p.name, "unit": facts[p.name].unit, "nominal": facts[p.name].nominal, **row} for p, row in rows
         )
 
     @property
@@ -143,8 +143,8 @@ class RunResult(StepResult):
         columns = (
             "verdict", "criterion", "measured", "sense", "required", "unit", "configuration", "data", "remark", "noise",
         )  # fmt: skip
-        found = self.results.validation
-        return Rows() if found is None else rows_of(found.verdicts, *columns)
+        validation = self.results.validation
+        return Rows() if validation is None else rows_of(validation.verdicts, *columns)
 
     @property
     def predictions(self) -> Rows:
@@ -153,8 +153,8 @@ class RunResult(StepResult):
             "configuration", "test_label", "test_freq_hz", "model_number", "model_freq_hz", "freq_error_percent", "mac",
             "z", "remark",
         )  # fmt: skip
-        found = self.results.validation
-        return Rows() if found is None else rows_of(found.predictions, *columns)
+        validation = self.results.validation
+        return Rows() if validation is None else rows_of(validation.predictions, *columns)
 
     @property
     def alerts(self) -> Rows:
@@ -174,8 +174,8 @@ class RunResult(StepResult):
 
     def at(self, stage: ModelVersion) -> CorrelateResult:
         """Test against model at a stage: "before", "after" or "after as written"."""
-        found = tuple(c for c in self.results.correlations if c.stage == stage)
-        return CorrelateResult(found, arrays=self.arrays)
+        correlations = tuple(c for c in self.results.correlations if c.stage == stage)
+        return CorrelateResult(correlations, arrays=self.arrays)
 
     @property
     def mac(self) -> NDArray[np.float64]:
@@ -185,14 +185,14 @@ class RunResult(StepResult):
     @property
     def selection(self) -> SelectResult | None:
         """Identifiability at the initial values; None if the run has none."""
-        found = self.results.selection
-        return None if found is None else SelectResult(found, self.arrays)
+        selection = self.results.selection
+        return None if selection is None else SelectResult(selection, self.arrays)
 
     @property
     def quantify(self) -> QuantifyResult | None:
         """Mean and covariance from repeated tests; None if the study has none."""
-        found = self.results.quantify
-        return None if found is None else QuantifyResult(found, self.arrays)
+        quantify = self.results.quantify
+        return None if quantify is None else QuantifyResult(quantify, self.arrays)
 
     @property
     def bootstrap(self) -> Rows:
@@ -201,8 +201,8 @@ class RunResult(StepResult):
             "parameter", "value", "mean", "sd", "cov_percent", "bias", "linear_sd", "fisher_sd", "fisher_cov_percent",
             "interval_95", "at_bound_percent",
         )  # fmt: skip
-        found = self.results.bootstrap
-        return Rows() if found is None else rows_of(found.parameters, *columns)
+        bootstrap = self.results.bootstrap
+        return Rows() if bootstrap is None else rows_of(bootstrap.parameters, *columns)
 
     @property
     def posterior(self) -> Rows:
@@ -211,15 +211,15 @@ class RunResult(StepResult):
             "parameter", "value", "mean", "median", "sd", "interval_95", "linear_interval_95", "update_interval_95",
             "of_bounds",
         )  # fmt: skip
-        found = self.results.posterior
-        return Rows() if found is None else rows_of(found.parameters, *columns)
+        posterior = self.results.posterior
+        return Rows() if posterior is None else rows_of(posterior.parameters, *columns)
 
     @property
     def specimens(self) -> Rows:
         """One line per parameter and specimen: joint and separate values; no rows if the study has no specimens."""
-        found = self.results.specimens
+        specimens = self.results.specimens
         columns = ("specimen", "value", "sd", "separate_value", "separate_sd")
-        records = () if found is None else found.parameters
+        records = () if specimens is None else specimens.parameters
         return Rows.of([{"parameter": p.name, **row} for p in records for row in rows_of(p.values, *columns)])
 
     @property

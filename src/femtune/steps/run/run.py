@@ -140,8 +140,8 @@ class Run:
         results = results.model_copy(update={"alerts": (*alerts, *of_update, *outcomes.alerts, *of_results)})
         topics = outcomes.find(JudgedTopics)
         if topics is not None:
-            found = judgement(results, topics.records, topics.not_computed)
-            results = results.model_copy(update={"judgement": found})
+            judged = judgement(results, topics.records, topics.not_computed)
+            results = results.model_copy(update={"judgement": judged})
         write_results(self.folder, results, outcomes.arrays)
         assert results.update is not None
         if write_damping(self.study, results.update, self.folder) is not None:

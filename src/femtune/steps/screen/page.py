@@ -38,8 +38,8 @@ def _by_place(screening: ScreenResults) -> dict[tuple[str, str, int], MainEffect
 
 def screen_summary(source: ReportSource) -> list[Block]:
     """Sentences, what should be known, and the picture."""
-    found = _of(source)
-    return [*summary_blocks(found), *(_picture(found) if found.effects else _beside(found))]
+    screening = _of(source)
+    return [*summary_blocks(screening), *(_picture(screening) if screening.effects else _beside(screening))]
 
 
 def summary_blocks(screening: ScreenResults) -> list[Block]:

@@ -233,9 +233,9 @@ class _Search:
 
     def run(self, points: Reals, what: str) -> Reals:
         """(n, m) residuals at points (n, k), NaN where a run failed."""
-        found = runs_at(self.work, list(points), self.executor, self.progress, what)
-        self.runs += found
-        return np.array([run.values for run in found])
+        runs = runs_at(self.work, list(points), self.executor, self.progress, what)
+        self.runs += runs
+        return np.array([run.values for run in runs])
 
     def on_model(self) -> _Ended:
         """Every generation is a set of runs of the model."""

@@ -197,8 +197,8 @@ def joined_rows(labels: tuple[str, ...], values: NDArray[Any]) -> tuple[list[str
     rows: dict[str, list[int]] = {}
     for i, label in enumerate(labels):
         rows.setdefault(label, []).append(i)
-    found = [values[at[0]] if len(at) == 1 else np.linalg.norm(values[at], axis=0) for at in rows.values()]
-    return list(rows), np.array(found)
+    rows_joined = [values[at[0]] if len(at) == 1 else np.linalg.norm(values[at], axis=0) for at in rows.values()]
+    return list(rows), np.array(rows_joined)
 
 
 def _figure(

@@ -67,9 +67,9 @@ def _smoothness(study: Study, at: Evaluation, progress: Progress) -> tuple[Smoot
         search = train(problem, rules, unassessed(problem), NOBODY)
         problem = search.reduced_problem()
         at = problem.start(at.x)
-    found = smoothness(problem, at, report=lambda i, k: progress.step("misfit along the parameters", i, k))
+    lines = smoothness(problem, at, report=lambda i, k: progress.step("misfit along the parameters", i, k))
     scale, nominal = study.parameters.scale, study.parameters.nominal
-    return tuple(_smooth(f, float(nominal[i]), float(scale[i])) for i, f in enumerate(found))
+    return tuple(_smooth(f, float(nominal[i]), float(scale[i])) for i, f in enumerate(lines))
 
 
 def _smooth(smoothness: Smoothness, nominal: float, scale: float) -> SmoothnessRecord:
@@ -114,5 +114,5 @@ def _distances(study: Study, at: Evaluation) -> tuple[CosineDistances | None, tu
     # most studies have no repeats
     from femtune.steps.quantify.run import distances_at  # noqa: PLC0415
 
-    found = distances_at(study, at.x)
-    return (None, (found,)) if isinstance(found, str) else (found, ())
+    distances = distances_at(study, at.x)
+    return (None, (distances,)) if isinstance(distances, str) else (distances, ())

@@ -59,7 +59,7 @@ def specimen_results(
     return SpecimenResults(
         specimens=study.specimens.names,
         not_calibrated=tuple(name for name in study.specimens.names if name not in calibrated_specimens(study)),
-        separate=tuple(_separate(study, joint, name, found) for name, found in separate.items()),
+        separate=tuple(_separate(study, joint, name, update) for name, update in separate.items()),
         parameters=tuple(_with_verdicts(list(_parameters(study, joint, separate)))),
         frequencies=tuple(_frequencies(study, compared)),
         common=_common(study, joint, separate),
@@ -84,8 +84,8 @@ def _separate(study: Study, joint: UpdateResult, name: str, update: UpdateResult
 
 
 def _squares(study: Study, update: UpdateResult, specimen: str) -> float:
-    own = {case.name for case in study.cases if case.entry.specimen == specimen}
-    return sum(value for (configuration, _, _), value in update.after.squares.items() if configuration in own)
+    cases = {case.name for case in study.cases if case.entry.specimen == specimen}
+    return sum(value for (configuration, _, _), value in update.after.squares.items() if configuration in cases)
 
 
 def _common(study: Study, joint: UpdateResult, separate: Mapping[str, UpdateResult]) -> CommonTestRecord | None:
@@ -93,16 +93,16 @@ def _common(study: Study, joint: UpdateResult, separate: Mapping[str, UpdateResu
     shared = [p for p in study.parameters.free if study.in_study(p.name) == p.name]
     if not separate or not shared:
         return None
-    after = [found.after for found in separate.values()]
+    after = [update.after for update in separate.values()]
     if any(b.samples is not None and b.without_distribution for at in after for b in at.weighted):
         test = _of_estimates([p.name for p in shared], list(separate.values()))
         if test is None:
             return None
     else:
-        freedom = sum(at.independent for at in after) - sum(len(found.active) for found in separate.values())
-        own = sum(_squares(study, found, name) for name, found in separate.items())
+        freedom = sum(at.independent for at in after) - sum(len(update.active) for update in separate.values())
+        squares = sum(_squares(study, update, name) for name, update in separate.items())
         restrictions = len(shared) * (len(separate) - 1)
-        test = common_test(sum(_squares(study, joint, name) for name in separate), own, restrictions, freedom)
+        test = common_test(sum(_squares(study, joint, name) for name in separate), squares, restrictions, freedom)
     chance = f"than chance explains ({_probability(test.p_value)})"
     words = (
         f"the separate calibrations fit better {chance}: some common parameter differs between the specimens"
@@ -168,9 +168,9 @@ def _joint_spread(joint: UpdateResult, names: Sequence[str]) -> SpreadRecord | N
 
 
 def _separate_spread(values: Sequence[SpecimenValue]) -> SpreadRecord | None:
-    found = [(v.separate_value, v.separate_sd) for v in values if v.separate_value is not None]
-    sd = np.array([np.nan if s is None else s for _, s in found])
-    return spread_record(np.array([float(v) for v, _ in found]), np.diag(sd**2))
+    estimates = [(v.separate_value, v.separate_sd) for v in values if v.separate_value is not None]
+    sd = np.array([np.nan if s is None else s for _, s in estimates])
+    return spread_record(np.array([float(v) for v, _ in estimates]), np.diag(sd**2))
 
 
 def spread_record(values: Reals, covariance: Reals | None) -> SpreadRecord | None:
@@ -292,8 +292,8 @@ def _measured_mode(
 
 
 def _model_mode(case: StudyCase, modes: Sequence[ModelModes], number: int) -> SpecimenMode:
-    own = next((m.freq_hz for m in modes if m.configuration == case.name), ())
-    hz = own[number - 1] if number <= len(own) else None
+    frequencies = next((m.freq_hz for m in modes if m.configuration == case.name), ())
+    hz = frequencies[number - 1] if number <= len(frequencies) else None
     return SpecimenMode(
         specimen=case.entry.specimen or "", configuration=case.name, test_label="", test_hz=None, after_hz=hz
     )

@@ -32,9 +32,9 @@ def calibrate_each(study: Study, parameters: FoundParameters, progress: Progress
     out: dict[str, UpdateResult] = {}
     for i, name in enumerate(specimens.names):
         progress.step(f"calibration of specimen {name} alone", i, len(specimens.names))
-        own = study.of_specimen(name)
-        if any(case.used is not None for case in own.cases):
-            out[name], _ = with_noise_of_tests(own, _alone(own, parameters))
+        specimen_study = study.of_specimen(name)
+        if any(case.used is not None for case in specimen_study.cases):
+            out[name], _ = with_noise_of_tests(specimen_study, _alone(specimen_study, parameters))
     return out
 
 

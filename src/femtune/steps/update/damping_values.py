@@ -30,10 +30,12 @@ def write_damping(study: Study, update: UpdateResults, folder: Path) -> Path | N
     """
     path = folder / CATALOGUE_FILE
     results = {p.name: p for p in update.parameters}
-    own = ((name, p) for p in study.file.parameter for name in study.expand((p.name,)))
-    found = ((name, _entry(study, p, results.get(name))) for name, p in own)
+    expanded = ((name, p) for p in study.file.parameter for name in study.expand((p.name,)))
+    written_entries = ((name, _entry(study, p, results.get(name))) for name, p in expanded)
     entries = [
-        replace(entry, name=name, source=_source(study, update, name)) for name, entry in found if entry is not None
+        replace(entry, name=name, source=_source(study, update, name))
+        for name, entry in written_entries
+        if entry is not None
     ]
     try:
         return write_catalogue(path, entries) if entries else None

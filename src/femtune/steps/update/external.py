@@ -244,9 +244,9 @@ class _TrustRegion:
 
     def result(self, settled: bool) -> UpdateResult:
         """Of the whole way."""
-        first, found = len(self.history), self.place.result
-        history = (*self.history, *_numbered(found.history, first))
-        whole = replace(found, history=history, number=first + found.number)
+        first, place = len(self.history), self.place.result
+        history = (*self.history, *_numbered(place.history, first))
+        whole = replace(place, history=history, number=first + place.number)
         return whole if settled else _at_place(whole, self.place, first, _status(self.radius, self.open_))
 
     def ended(self, settled: bool) -> Iterator[Notice]:
@@ -311,8 +311,8 @@ def at_outcome(study: Study, runs: SolverRuns, point: Reals, outcome: PointRuns)
 
 
 def _on(study: Study, built: BuiltModel) -> Study:
-    found = assignments(targets(study.file, built))
-    model = parametric_model(built.structure, study.parameters, found)
+    assigned = assignments(targets(study.file, built))
+    model = parametric_model(built.structure, study.parameters, assigned)
     size = built.structure.nodes.n_dofs
     cases = tuple(on_model(_resized(case, size), model) for case in study.cases)
     return replace(study, built=replace(built, notices=study.built.notices), model=model, cases=cases)
@@ -404,7 +404,7 @@ class SolverFrequencies:
         nothing = np.full(size, np.nan)
         model_runs = [ModelRun(nothing, nothing, str(outcome.failure)) for outcome in outcomes]
         for row, i in enumerate(good, start=1):
-            ends = [_followed(*own, row, modes.numbers - 1) for own, modes in zip(seen, self.followed)]
+            ends = [_followed(*solved, row, modes.numbers - 1) for solved, modes in zip(seen, self.followed)]
             values, mac = (np.concatenate(parts) for parts in zip(*ends))
             lost = np.isnan(values).any()
             model_runs[i] = ModelRun(values, mac, _LOST if lost else "")

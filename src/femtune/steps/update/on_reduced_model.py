@@ -95,5 +95,5 @@ def find_on_reduced(
     told = TrainingProgress(progress, rules.full_solutions)
     told.begin(case.name for case in problem.cases)
     further = MinimumRules() if study.file.update.look_further else None
-    found = update_reduced(problem, method, rules, report, at, told, further=further)
-    return found.result, reduction_results(found, rules), found.search
+    reduced = update_reduced(problem, method, rules, report, at, told, further=further)
+    return reduced.result, reduction_results(reduced, rules), reduced.search

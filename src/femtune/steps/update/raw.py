@@ -69,27 +69,27 @@ def then_raw(
         return None, ()
     if not equalised.status.ok:
         return None, (Notice("update.no-raw/not-converged", ending=equalised.status.value),)
-    found: RawUpdate | None = None
+    raw: RawUpdate | None = None
     told: list[Notice] = []
     start = equalised
     try:
         for _ in range(_MOST_ROUNDS):
-            now = _round(study, equalised, start, method, tell, search, found)
+            now = _round(study, equalised, start, method, tell, search, raw)
             if now is None:
                 break
-            found, start = now, now.result
-            if not found.result.status.ok:
+            raw, start = now, now.result
+            if not raw.result.status.ok:
                 break
         else:
-            if found is not None and not _settled(study, found):
+            if raw is not None and not _settled(study, raw):
                 told.append(Notice("update.raw-open", rounds=_MOST_ROUNDS))
     except FemtuneError as error:
-        if found is None:
+        if raw is None:
             return None, (Notice("update.no-raw", reason=error.what),)
         told.append(Notice("update.raw-open/failed", reason=error.what))
-    if found is not None and found.reduced is not None and not found.reduced.certified:
-        told.append(Notice("update.not-certified", last_round=found.reduced.rounds[-1]))
-    return found, tuple(told)
+    if raw is not None and raw.reduced is not None and not raw.reduced.certified:
+        told.append(Notice("update.not-certified", last_round=raw.reduced.rounds[-1]))
+    return raw, tuple(told)
 
 
 def _asked(study: Study) -> bool:
@@ -137,7 +137,7 @@ def _round(
     if rules is None or reduced is None:
         at = problem.assess(start.x, at_start)
         problem.check_compared(at)
-        found = update(problem, method, tell, at, equalised.active)
+        updated = update(problem, method, tell, at, equalised.active)
         first = problem.assess(first_x, at_first, derivatives=False)
     else:
         functions = [tuple(raw.get(id(r), r) for r in of) for of in reduced.functions]
@@ -145,12 +145,12 @@ def _round(
         at = search.assess(start.x, at_start, search.trained)
         problem.check_compared(at)
         on_reduced = update_reduced(problem, method, rules, tell, at, active=equalised.active, search=search)
-        found, search = on_reduced.result, on_reduced.search
+        updated, search = on_reduced.result, on_reduced.search
         assert search is not None
         first = search.assess(first_x, at_first, search.trained)
-    history = tuple(replace(i, functions=()) for i in found.history)
+    history = tuple(replace(i, functions=()) for i in updated.history)
     whole = tuple(replace(i, number=n) for n, i in enumerate((*start.history, *history)))
-    result = replace(found, before=first, history=whole, number=len(start.history) + found.number)
+    result = replace(updated, before=first, history=whole, number=len(start.history) + updated.number)
     return RawUpdate(result, on_raw, equalised, damping, search, on_reduced)
 
 
@@ -165,7 +165,7 @@ def _same_partners(one: Mapping[str, MeasuredDamping], other: Mapping[str, Measu
 
 def _damping_at(study: Study, result: UpdateResult) -> dict[str, MeasuredDamping]:
     """Measured damping on the modes at a result, by configuration."""
-    return {s.case.name: own for s in result.after.states if (own := _damping(study, s)) is not None}
+    return {s.case.name: damping for s in result.after.states if (damping := _damping(study, s)) is not None}
 
 
 def _on_cases(problem: UpdateProblem, states: Sequence[CaseState]) -> list[CaseState]:

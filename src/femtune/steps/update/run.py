@@ -63,10 +63,10 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
     ------
     FemtuneError : ``run.unwritable``, ``study.stage``, and what the update method raises
     """
-    found = _found(study, folder, at, progress)
-    result, known = with_noise_of_tests(found.study or study, found.result)
-    found = replace(found, result=result, known=known)
-    return _with_raw(study, found, folder, progress)
+    outcome = _found(study, folder, at, progress)
+    result, known = with_noise_of_tests(outcome.study or study, outcome.result)
+    outcome = replace(outcome, result=result, known=known)
+    return _with_raw(study, outcome, folder, progress)
 
 
 def _with_raw(study: Study, found: FoundParameters, folder: Path, progress: Progress) -> FoundParameters:

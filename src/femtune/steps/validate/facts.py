@@ -123,8 +123,8 @@ class Predictions:
     def misses(self, study: Study, case: StudyCase, c: Correlation) -> list[tuple[int, FrequencyMiss]]:
         """Those of all pairs of a configuration, by position of the test mode."""
         pairs = zip(c.pairing.pairs, c.frequency_errors)
-        found = ((p.test, self.miss(study, case, p.test, float(error))) for p, error in pairs)
-        return [(test, miss) for test, miss in found if miss is not None]
+        misses = ((p.test, self.miss(study, case, p.test, float(error))) for p, error in pairs)
+        return [(test, miss) for test, miss in misses if miss is not None]
 
 
 def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
@@ -138,8 +138,8 @@ def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
         return float(known[test] / case.modal.test.freq_hz[test])
     entries = [c.entry for c in study.file.comparisons if isinstance(c.entry, FrequencyResidual)]
     # of residuals of frequencies in this configuration, else in the others, the largest one
-    own = [e for e in entries if e.is_in(case.name, several=False, used=True)]
-    return max((e.sd_of_frequency for e in own or entries if e.sd_of_frequency is not None), default=None)
+    of_case = [e for e in entries if e.is_in(case.name, several=False, used=True)]
+    return max((e.sd_of_frequency for e in of_case or entries if e.sd_of_frequency is not None), default=None)
 
 
 _FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
@@ -220,8 +220,10 @@ def validation(
         resonances=tuple(r for one in frfs for r in predicted_resonances(one)),
         vibrations=tuple(vibrations),
         curves=tuple(c for one in frfs for c in one.curves(_frf_data(study, one.case))),
-        held_out_sensors=tuple(f"{s.case.name}: {name}" for s, found in shapes.items() for name in found.sensors),
-        shapes=tuple(shape for s, found in shapes.items() for shape in _shapes(s, found)),
+        held_out_sensors=tuple(
+            f"{s.case.name}: {name}" for s, shape_results in shapes.items() for name in shape_results.sensors
+        ),
+        shapes=tuple(shape for s, shape_results in shapes.items() for shape in _shapes(s, shape_results)),
     )
 
 
@@ -307,8 +309,8 @@ def _verdicts(
     criteria = [c for c in asked.criteria if c.quantity not in (*skipped, *OF_FRFS, *OF_VIBRATION)]
     c = after.raw[scope.case.name]
     misses = [] if predicted is None else predicted.misses(study, scope.case, c)
-    found = assess(c, criteria, scope.tests, misses, sensors)
-    return (_verdict(scope.case.name, scope.data, v) for v in found)
+    assessed = assess(c, criteria, scope.tests, misses, sensors)
+    return (_verdict(scope.case.name, scope.data, v) for v in assessed)
 
 
 def _frf_data(study: Study, case: StudyCase) -> str:
@@ -320,8 +322,8 @@ def _frf_data(study: Study, case: StudyCase) -> str:
 def _frf_verdicts(study: Study, one: UnusedFrfs) -> Iterable[ValidationVerdict]:
     """Verdicts on the FRFs of a configuration."""
     criteria = of_frfs(study)
-    found = one.found
-    verdicts = (not_tested(c, one.why) for c in criteria) if found is None else assess_frfs(found, criteria)
+    predicted = one.found
+    verdicts = (not_tested(c, one.why) for c in criteria) if predicted is None else assess_frfs(predicted, criteria)
     return (_verdict(one.case.name, _frf_data(study, one.case), v) for v in verdicts)
 
 

@@ -143,9 +143,9 @@ def _channels(
 def _sums(channels: Sequence[ChannelDeviation], configuration: str = "") -> Iterator[DeviationSum]:
     for data in _DATA_SETS:
         for compared in _COMPARED:
-            own = [c for c in channels if c.data == data and c.compared == compared]
-            if own:
-                yield _sum(data, compared, own, configuration)
+            of_data = [c for c in channels if c.data == data and c.compared == compared]
+            if of_data:
+                yield _sum(data, compared, of_data, configuration)
 
 
 def _sum(data: DataSet, compared: ComparedAs, channels: Sequence[ChannelDeviation], configuration: str) -> DeviationSum:

@@ -88,9 +88,9 @@ def unused_frfs(
     for i, case in enumerate(cases):
         progress.step(f"FRFs that were not used: {case.name}", i, len(cases))
         try:
-            found = replace(_unused(study, case, x), key=f"{array_prefix('after', case.name, i + 1)}/unused_frf")
-            found.keep(arrays)
-            out.append(found)
+            predicted = replace(_unused(study, case, x), key=f"{array_prefix('after', case.name, i + 1)}/unused_frf")
+            predicted.keep(arrays)
+            out.append(predicted)
         except FemtuneError as error:
             out.append(UnusedFrfs(case, None, f"{error.what} ({error.code})"))
     return tuple(out)

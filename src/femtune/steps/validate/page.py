@@ -320,8 +320,8 @@ _TONES: dict[str, Tone] = {"pass": "", "fail": "poor", "not tested": "muted"}
 
 def goodness_sentence(source: ReportSource) -> list[Block]:
     """One sentence, where it was tested."""
-    found = _found(source)
-    return [] if found is None else [Paragraph(as_sentence(found.sentence), _TONES[found.verdict])]
+    record = _found(source)
+    return [] if record is None else [Paragraph(as_sentence(record.sentence), _TONES[record.verdict])]
 
 
 def goodness(source: ReportSource) -> list[Block]:

@@ -76,8 +76,8 @@ def modes_on_base(modes: SolvedModes, outputs: DofSet, base: str, carried: Reals
 
 
 def _of_configuration(file: StudyFile, entry: VibrationEntry) -> ConfigurationSolver:
-    own = next(c.solver for c in file.configurations if entry.configuration in (None, c.name))
-    return own or ConfigurationSolver()
+    solver = next(c.solver for c in file.configurations if entry.configuration in (None, c.name))
+    return solver or ConfigurationSolver()
 
 
 def _carried(file: StudyFile, outputs: DofSet, base: str) -> Reals:

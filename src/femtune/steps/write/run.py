@@ -71,10 +71,10 @@ def check_writable_fields(study: Study, wide: bool) -> None:
         `plan_edits`
     """
     names = (None,) if study.specimens is None else study.specimens.names
-    for own in (study if name is None else study.of_specimen(name) for name in names):
-        x = np.zeros(len(own.parameters.free))
-        _check_places(own, x)
-        _planned(own, x, wide)
+    for of_part in (study if name is None else study.of_specimen(name) for name in names):
+        x = np.zeros(len(of_part.parameters.free))
+        _check_places(of_part, x)
+        _planned(of_part, x, wide)
 
 
 def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
@@ -86,18 +86,18 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
     """
     if study.specimens is None:
         return _write_deck(study, result, folder, folder, wide)
-    found: dict[str | None, WriteBack] = {
+    decks: dict[str | None, WriteBack] = {
         name: _write_deck(study.of_specimen(name), result, folder, folder / name, wide)
         for name in study.specimens.names
     }
-    records = [one.record for one in found.values()]
+    records = [one.record for one in decks.values()]
     # what a common parameter changes is the same in all decks, and is listed once
     together = {
         name: tuple(dict.fromkeys(value for record in records for value in getattr(record, name)))
         for name in WriteBackResults.model_fields
     }
-    written = {name: values for one in found.values() for name, values in one.written.items()}
-    built = {name: deck for name, one in found.items() for deck in one.built.values()}
+    written = {name: values for one in decks.values() for name, values in one.written.items()}
+    built = {name: deck for name, one in decks.items() for deck in one.built.values()}
     return WriteBack(WriteBackResults(**together), written, built)
 
 
@@ -145,9 +145,9 @@ def _where(study: Study, owner: str) -> Where:
 
 
 def _regions(study: Study) -> dict[str, Iterable[int]]:
-    own = {a.parameter: a.elements for a in study.model.assignments if a.elements is not None}
+    elements_of = {a.parameter: a.elements for a in study.model.assignments if a.elements is not None}
     varied = [region for _, region in _varied(study)]
-    return {**own, **{region: (int(region.split()[-1]),) for region in varied}}
+    return {**elements_of, **{region: (int(region.split()[-1]),) for region in varied}}
 
 
 def _varied(study: Study) -> Iterator[tuple[FieldRef, str]]:

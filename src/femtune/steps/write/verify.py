@@ -48,11 +48,11 @@ def value_differences(structure: Structure, values: Mapping[FieldRef, float], wr
     for (card, role), (ids, positions) in _by_role(structure, np.arange(len(expected))).items():
         if (card, role) not in there:
             continue
-        known, found = there[card, role]
+        known, read_back = there[card, role]
         at = np.minimum(np.searchsorted(known, ids), len(known) - 1)
-        differ = (known[at] != ids) | (np.abs(found[at] - expected[positions]) > allowed[positions])
+        differ = (known[at] != ids) | (np.abs(read_back[at] - expected[positions]) > allowed[positions])
         for i in np.flatnonzero(differ):
-            wrong.setdefault(int(positions[i]), []).append(float(found[at[i]]))
+            wrong.setdefault(int(positions[i]), []).append(float(read_back[at[i]]))
     for position, found_values in wrong.items():
         ref, count = table.refs[position], len(found_values)
         elements = "1 element" if count == 1 else f"{count} elements"
@@ -68,8 +68,8 @@ def _by_role(
         for role, positions in batch.roles.items():
             parts.setdefault((batch.card, role), []).append((batch.ids, positions))
     out = {}
-    for key, found in parts.items():
-        ids, positions = (np.concatenate(arrays) for arrays in zip(*found))
+    for key, entries in parts.items():
+        ids, positions = (np.concatenate(arrays) for arrays in zip(*entries))
         order = np.argsort(ids, kind="stable")
         out[key] = ids[order], of_entry[positions[order]]
     return out

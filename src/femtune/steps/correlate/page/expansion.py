@@ -32,7 +32,7 @@ def expansion(source: ReportSource) -> list[Block]:
     """A table for each model version and pictures of the last one; a sentence where nothing was expanded."""
     names = [c for c in source.results.study.configurations if source.before(c)]
     shown = {name: [c for c in source.shown(name) if c.expansion is not None] for name in names}
-    blocks = [block for name, found in shown.items() if found for block in _configuration(source, name, found)]
+    blocks = [block for name, modes in shown.items() if modes for block in _configuration(source, name, modes)]
     return blocks or [Paragraph("Not computed: the study does not request an expansion (expand in [correlate]).")]
 
 

@@ -67,8 +67,8 @@ _FEWEST_SOLUTIONS = 20
 
 def missing_fields(fit: FinishedUpdate) -> MissingResults:
     """The test of all fields, and the refit of the first ones if something is missing."""
-    found = _tested(fit.study, fit.result, fit.arrays, fit.progress)
-    return found if isinstance(found, MissingResults) else found.results(fit.study.file.update.look_further)
+    tested = _tested(fit.study, fit.result, fit.arrays, fit.progress)
+    return tested if isinstance(tested, MissingResults) else tested.results(fit.study.file.update.look_further)
 
 
 def fields_before_update(study: Study, at: Evaluation, progress: Progress) -> MissingResults:
@@ -86,8 +86,8 @@ def fields_before_update(study: Study, at: Evaluation, progress: Progress) -> Mi
     method = method_of(study.file.update, study.parameters)
     most = min(method.max_iterations, _FIRST_ITERATIONS)
     result = update(study.problem(), replace(method, max_iterations=most, smallest_change=0.0), start=at)
-    found = _tested(study, result, None, progress)
-    return found if isinstance(found, MissingResults) else found.results(refit=True)
+    tested = _tested(study, result, None, progress)
+    return tested if isinstance(tested, MissingResults) else tested.results(refit=True)
 
 
 def _tested(
@@ -152,17 +152,17 @@ def _record(result: UpdateResult, end: Evaluation) -> tuple[Whitened, Reals, Rea
     parameters at a bound."""
     k, parameters = len(result.x), end.states[0].case.configured.model.parameters
     names = np.array([p.name for p in parameters.free])
-    own = np.arange(len(names)) < k
-    moving, bound = np.isin(names, result.active) & own, np.isin(names, result.at_bound) & own
+    is_field = np.arange(len(names)) < k
+    moving, bound = np.isin(names, result.active) & is_field, np.isin(names, result.at_bound) & is_field
     blocks = (*end.weighted, *(_padded(b, len(names) - k) for b in prior_blocks(result)))
     if not blocks:
         return None
     rows = whitened_blocks(blocks, parameters, moving & ~bound, moving & bound)
     if "data" not in rows.roles:
         return None
-    everything = whitened_blocks(blocks, parameters, ~own, moving & bound)
+    everything = whitened_blocks(blocks, parameters, ~is_field, moving & bound)
     spread = parameters.prior[1]
-    return rows, everything.J / spread[~own], everything.bounded / spread[moving & bound]
+    return rows, everything.J / spread[~is_field], everything.bounded / spread[moving & bound]
 
 
 def _own_fields(model: ParametricModel, result: UpdateResult) -> list[tuple[FieldRef, frozenset[int] | None]]:
@@ -298,9 +298,9 @@ class _Found:
             if left < 1:
                 break
             self.progress.step(f"update with {name_of(field)} as a further parameter", 0, None)
-            found = self._refit(field, left)
-            left -= found.solutions
-            out[i] = self._refitted_field(field, found)
+            refit = self._refit(field, left)
+            left -= refit.solutions
+            out[i] = self._refitted_field(field, refit)
         return out
 
     @property

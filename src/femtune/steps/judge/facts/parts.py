@@ -51,17 +51,17 @@ def parts_results(study: Study, result: UpdateResult) -> PartsResults | None:
         return None
     side = result.side
     opinion = bool(len(side.held)) or not np.all(np.broadcast_to(side.informative, len(side.target)))
-    found, estimated = scaled_by_residuals(record, assumed_kinds(study))
+    scaled, estimated = scaled_by_residuals(record, assumed_kinds(study))
     of_macs = mac_parts(result)
-    tested = parts(found, opinion, estimated, of_macs)
-    untested = dict(found.untested)
+    tested = parts(scaled, opinion, estimated, of_macs)
+    untested = dict(scaled.untested)
     if len(of_macs) == sum(b.kind == MacResidual.label for b in result.after.blocks):
         untested.pop(MacResidual.label, None)
     return PartsResults(
         parts=tuple(_part(p) for p in tested),
         neighbours=tuple(_neighbour(t, result) for t in neighbour_tests(result.after)),
         kinds=tuple(_kinds(study, record, tested)),
-        only_prior=only_prior_contradicts(found, NOT_ACCEPTED),
+        only_prior=only_prior_contradicts(scaled, NOT_ACCEPTED),
         untested=tuple(UntestedKind(kind=k, reason=why) for k, why in untested.items()),
     )
 
@@ -89,12 +89,12 @@ def scaled_by_residuals(record: Whitened, assumed: frozenset[str]) -> tuple[Whit
         if not present:
             return record, present
         every = record.of_all_parameters
-        found = scales(record, [k for k in record.kinds if k not in assumed])
+        factors = scales(record, [k for k in record.kinds if k not in assumed])
         few = {k for k in present if every.degrees(every.of_kind(k))[0] < FEWEST_DEGREES}
         # the weights of the other kinds decide too how much the parameters leave of a kind
-        few |= {k.kind for k in found.kinds if not k.estimated}
+        few |= {k.kind for k in factors.kinds if not k.estimated}
         if not few:
-            return found.weighted, present
+            return factors.weighted, present
         record = record.without_kinds(dict.fromkeys(few, _FEW))
 
 

@@ -171,8 +171,8 @@ def tested_fields(study: Study) -> tuple[list[TestedField], list[WideningFactor]
         names = (f"q{first + i}_" for i in range(len(atoms)))
         factors += [WideningFactor(n, candidate.ref, atom, kind.lower, kind.upper) for n, atom in zip(names, atoms)]
         for elements, place, region in of_one:
-            own = tuple(first + i for i, atom in enumerate(atoms) if atom <= elements)
-            fields.append(TestedField(candidate, elements, place, own, region))
+            members = tuple(first + i for i, atom in enumerate(atoms) if atom <= elements)
+            fields.append(TestedField(candidate, elements, place, members, region))
     return fields, factors, left_out
 
 
@@ -207,10 +207,10 @@ def _sets(
     for element in whole:
         by_property.setdefault(owners.get(element, 0), set()).add(element)
     for number, members in sorted(by_property.items()):
-        own = frozenset(members)
-        if own != whole and number:
-            yield own, f"elements of property {number}", f"region = {{ properties = [{number}] }}"
-        for part in mesh.divided(own, depth):
+        elements = frozenset(members)
+        if elements != whole and number:
+            yield elements, f"elements of property {number}", f"region = {{ properties = [{number}] }}"
+        for part in mesh.divided(elements, depth):
             at = mesh.centres[[mesh.row[e] for e in part]].mean(axis=0)
             near = ", ".join(f"{v:.3g}" for v in at)
             count = f"{len(part)} elements" if len(part) > 1 else f"element {min(part)}"

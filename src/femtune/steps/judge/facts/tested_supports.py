@@ -131,14 +131,14 @@ def tested_supports(
         tested.append(TestedSupport(support, component, place, (x, y, z), factors, scale, number))
 
     for component in range(6):
-        own = np.flatnonzero(dofs % 6 == component)
-        groups = neighbourhoods(structure.nodes.xyz[dofs[own] // 6], MOST_PLACES)
+        of_component = np.flatnonzero(dofs % 6 == component)
+        groups = neighbourhoods(structure.nodes.xyz[dofs[of_component] // 6], MOST_PLACES)
         at = first + len(atoms)
-        atoms += [Support(f"s{at + i}_", tuple(map(int, dofs[own[g]]))) for i, g in enumerate(groups)]
+        atoms += [Support(f"s{at + i}_", tuple(map(int, dofs[of_component[g]]))) for i, g in enumerate(groups)]
         if len(groups) > 1:
-            add(own, tuple(range(at, at + len(groups))))
+            add(of_component, tuple(range(at, at + len(groups))))
         for i, group in enumerate(groups):
-            add(own[group], (at + i,))
+            add(of_component[group], (at + i,))
     return (tested, atoms, rows) if tested else none
 
 

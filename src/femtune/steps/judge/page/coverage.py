@@ -16,18 +16,19 @@ if TYPE_CHECKING:
 def coverage_blocks(source: ReportSource) -> Iterable[Block]:
     """Nothing for models that are not made of a table of runs."""
     judged = source.results.judgement
-    found = judged.coverage if judged else None
-    if found is None:
+    coverage = judged.coverage if judged else None
+    if coverage is None:
         return
     yield Heading("Range of the runs")
-    if found.outside:
+    if coverage.outside:
         heads = columns("Parameter", ">Updated", ">Least value in the runs", ">Largest value in the runs")
-        rows = (row(o.parameter, f"{o.value:.5g}", f"{o.low:.5g}", f"{o.high:.5g}") for o in found.outside)
+        rows = (row(o.parameter, f"{o.value:.5g}", f"{o.low:.5g}", f"{o.high:.5g}") for o in coverage.outside)
         yield Table("Values outside the runs", heads, tuple(rows))
     else:
         yield Paragraph("All parameters ended within the values of the runs.")
-    if found.frequency_sd_percent is not None:
+    if coverage.frequency_sd_percent is not None:
         yield Paragraph(
             "Standard deviation that the surrogate states for a frequency at the end: "
-            f"{short(found.frequency_sd_percent)} % at most (mode {found.mode}; limit {short(found.limit_percent)} %)."
+            f"{short(coverage.frequency_sd_percent)} % at most (mode {coverage.mode}; "
+            f"limit {short(coverage.limit_percent)} %)."
         )

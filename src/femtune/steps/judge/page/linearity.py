@@ -21,11 +21,11 @@ _NOTE = (
 def linearity_blocks(source: ReportSource) -> list[Block]:
     """True beside linear χ²; a sentence where it was not tested."""
     judged = source.results.judgement
-    found = None if judged is None else judged.linearity
-    if found is None:
+    linearity = None if judged is None else judged.linearity
+    if linearity is None:
         return []
-    if not found.points:
-        why = found.reason or "no combination of the parameters is determined"
+    if not linearity.points:
+        why = linearity.reason or "no combination of the parameters is determined"
         return [Paragraph(f"Whether χ² is a parabola near the result was not tested: {why}.", tone="muted")]
     heads = columns("Principal axis", ">Standard deviations", ">Linear increase of χ²", ">of the model", "Linear")
     rows = tuple(
@@ -33,7 +33,9 @@ def linearity_blocks(source: ReportSource) -> list[Block]:
             p.axis, f"{p.step:+.2f}".replace("-", "−"), short(p.linear),
             "not solved" if p.true is None else short(p.true), "no" if p.curved else "yes",
         )
-        for p in found.points
+        for p in linearity.points
     )  # fmt: skip
-    more = f" {counted(found.axes_left, 'further axis', 'further axes')} not evaluated." if found.axes_left else ""
-    return [Table("True and linear χ²", heads, rows, _NOTE + more, folded=not any(p.curved for p in found.points))]
+    more = (
+        f" {counted(linearity.axes_left, 'further axis', 'further axes')} not evaluated." if linearity.axes_left else ""
+    )
+    return [Table("True and linear χ²", heads, rows, _NOTE + more, folded=not any(p.curved for p in linearity.points))]

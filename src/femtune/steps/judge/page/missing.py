@@ -27,10 +27,10 @@ _MOST_ALIKE = 3
 def missing_blocks(source: ReportSource) -> Iterable[Block]:
     """Nothing for results without this test."""
     judged = source.results.judgement
-    found = judged.missing if judged else None
-    if found is None:
+    missing = judged.missing if judged else None
+    if missing is None:
         return
-    yield from blocks_of(found, source.arrays)
+    yield from blocks_of(missing, source.arrays)
 
 
 def blocks_of(found: MissingResults, arrays: Mapping[str, NDArray]) -> Iterable[Block]:

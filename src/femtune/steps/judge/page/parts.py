@@ -36,30 +36,30 @@ _KINDS_NOTE = (
 
 def parts_blocks(source: ReportSource) -> Iterable[Block]:
     """Tables of the parts, of the neighbours, and of the errors by kind."""
-    found = None if source.results.judgement is None else source.results.judgement.parts
-    if found is None:
+    parts = None if source.results.judgement is None else source.results.judgement.parts
+    if parts is None:
         return
-    whole = [p for p in found.parts if p.family == "kinds"]
-    fine = sorted((p for p in found.parts if p.family != "kinds"), key=lambda p: (p.p_family_wise, p.p_value))
-    if found.parts:
+    whole = [p for p in parts.parts if p.family == "kinds"]
+    fine = sorted((p for p in parts.parts if p.family != "kinds"), key=lambda p: (p.p_family_wise, p.p_value))
+    if parts.parts:
         heads = columns("Part of the residuals", ">Values", ">Chi-square", ">Degrees of freedom", ">p")
         rows = tuple(_part(p) for p in (*whole, *fine[:_FURTHER_PARTS]))
         left = len(fine) - _FURTHER_PARTS
         more = f" {left} further parts, none with a smaller p, are in the results." if left > 0 else ""
         yield Table("The residuals in parts", heads, rows, _NOTE + more)
-    if found.untested:
-        yield Listing(tuple(f"Not tested: {u.kind} residuals, because {u.reason}." for u in found.untested))
-    mixed = sorted(found.neighbours, key=lambda n: n.p_value)[:_FURTHER_PARTS]
+    if parts.untested:
+        yield Listing(tuple(f"Not tested: {u.kind} residuals, because {u.reason}." for u in parts.untested))
+    mixed = sorted(parts.neighbours, key=lambda n: n.p_value)[:_FURTHER_PARTS]
     if mixed:
         heads = columns("Configuration", "Most of a neighbour", ">F", ">Degrees of freedom", ">p")
         yield Table("Shapes beside their neighbours", heads, tuple(_neighbour(n) for n in mixed), _NEIGHBOURS_NOTE)
-    if found.kinds:
+    if parts.kinds:
         heads = columns(
             "Residuals", "Standard deviation", ">Stated", ">Residuals show", ">Degrees of freedom", ">In intervals"
         )
         update = source.results.update
         counted = {} if update is None else {c.kind: c.error_factor for c in update.residual_counts}
-        rows = tuple(_kind(k, counted.get(k.kind, 1.0)) for k in found.kinds)
+        rows = tuple(_kind(k, counted.get(k.kind, 1.0)) for k in parts.kinds)
         yield Table("Size of the errors by kind", heads, rows, _KINDS_NOTE)
 
 

@@ -75,9 +75,10 @@ def reasons_of_alerts(alerts: Iterable[Alert]) -> Iterable[ReasonRecord]:
     for a in alerts:
         if a.level != "info" and (a.code in WEIGHTS or a.level == "problem"):
             by_code.setdefault(a.code, []).append(a)
-    for code, found in by_code.items():
-        more = f"; and {len(found) - 1} more of this kind" if len(found) > 1 else ""
+    for code, same_code in by_code.items():
+        more = f"; and {len(same_code) - 1} more of this kind" if len(same_code) > 1 else ""
         weight = WEIGHTS.get(code, "reservation")
         yield ReasonRecord(
-            code=code, weight=weight, sentence=found[0].sentence + more, brief=brief_of(code), place=found[0].where
+            code=code, weight=weight, sentence=same_code[0].sentence + more,
+            brief=brief_of(code), place=same_code[0].where,
         )  # fmt: skip

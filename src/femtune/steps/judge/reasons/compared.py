@@ -45,10 +45,10 @@ def reasons_of_comparisons(
         "not accepted": [h for h in heavy if h.percent > acceptance.target_mass_percent],
         "reservation": [h for h in heavy if h.percent <= acceptance.target_mass_percent],
     }
-    for weight, found in by_weight.items():
-        if found:
-            names = [h.words(several) for h in found]
-            code = "judge.model-mode-unpaired" if len(found) > 1 else "judge.model-mode-unpaired/one"
+    for weight, sentences in by_weight.items():
+        if sentences:
+            names = [h.words(several) for h in sentences]
+            code = "judge.model-mode-unpaired" if len(sentences) > 1 else "judge.model-mode-unpaired/one"
             yield reason(weight, code, modes=_some(names))
 
 

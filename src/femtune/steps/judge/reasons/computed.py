@@ -29,16 +29,16 @@ def _deck_as_written(results: Results) -> Iterable[ReasonRecord]:
 
 
 def _coverage(results: Results) -> Iterable[ReasonRecord]:
-    found = None if results.judgement is None else results.judgement.coverage
-    if found is None:
+    coverage = None if results.judgement is None else results.judgement.coverage
+    if coverage is None:
         return
-    for one in found.outside:
+    for one in coverage.outside:
         side = "below" if one.value < one.low else "above"
         facts = {"parameter": one.parameter, "value": one.value, "side": side, "low": one.low, "high": one.high}
         yield reason("not accepted", "judge.outside-runs", one.parameter, **facts)
-    sd = found.frequency_sd_percent
-    if sd is not None and sd > found.limit_percent and not found.outside:
-        yield reason("reservation", "judge.between-runs", mode=found.mode, percent=sd, limit=found.limit_percent)
+    sd = coverage.frequency_sd_percent
+    if sd is not None and sd > coverage.limit_percent and not coverage.outside:
+        yield reason("reservation", "judge.between-runs", mode=coverage.mode, percent=sd, limit=coverage.limit_percent)
 
 
 def _vibration(results: Results) -> Iterable[ReasonRecord]:

@@ -66,8 +66,8 @@ def criteria_reasons(results: Results) -> Iterable[ReasonRecord]:
     if not acceptance:
         return
     stages = [c.stage for c in results.correlations]
-    found = results.validation
-    verdicts = found.verdicts if found else ()
+    validation = results.validation
+    verdicts = validation.verdicts if validation else ()
     whole = (*_INDEPENDENT, *_OTHER_TESTS)
     unused = {v.configuration for v in verdicts if any(v.data.startswith(word) for word in whole)}
     last = [c for c in results.correlations if c.stage == stages[-1] and c.configuration not in unused]

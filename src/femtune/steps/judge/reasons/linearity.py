@@ -16,19 +16,19 @@ _LOWER = 1.0
 
 def linearity_reasons(results: Results) -> Iterable[ReasonRecord]:
     """χ² lower than at the result, or a curved valley."""
-    found = None if results.judgement is None else results.judgement.linearity
-    if found is None:
+    linearity = None if results.judgement is None else results.judgement.linearity
+    if linearity is None:
         return
-    solved = [p for p in found.points if p.true is not None]
+    solved = [p for p in linearity.points if p.true is not None]
     lower = min(solved, key=lambda p: p.true or 0.0, default=None)
     if lower is not None and lower.true is not None and lower.true < -_LOWER:
         yield reason("not accepted", "judge.lower-beside", axis=lower.axis, step=abs(lower.step), decrease=-lower.true)
         return
-    curved = [p for p in found.points if p.curved]
+    curved = [p for p in linearity.points if p.curved]
     if curved:
         worst = max(curved, key=lambda p: float("inf") if p.true is None else abs(p.true - p.linear))
         code = "judge.curved/unsolved" if worst.true is None else "judge.curved"
         yield reason(
             "reservation", code, axis=worst.axis, step=abs(worst.step), linear=worst.linear, true=worst.true or 0.0,
-            count=len(curved), of=len(found.points),
+            count=len(curved), of=len(linearity.points),
         )  # fmt: skip

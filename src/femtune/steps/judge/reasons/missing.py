@@ -22,35 +22,35 @@ _MOST_ALIKE = 2
 
 def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
     """One reason, for the field that explains most."""
-    found = results.judgement and results.judgement.missing
-    if not found or found.p_value is None or found.p_value >= RESERVED or not found.fields:
+    missing = results.judgement and results.judgement.missing
+    if not missing or missing.p_value is None or missing.p_value >= RESERVED or not missing.fields:
         return
-    first = found.fields[0]
+    first = missing.fields[0]
     if first.what == PARAMETER:
         yield reason(
-            "reservation", "judge.missing/beyond-bound", first.name, field=first.field, chance=chance(found),
-            tested=_tested(found),
+            "reservation", "judge.missing/beyond-bound", first.name, field=first.field, chance=chance(missing),
+            tested=_tested(missing),
         )  # fmt: skip
     elif results.judgement and results.judgement.parts and results.judgement.parts.only_prior:
         # with another prior, which has a reason of its own, nothing may be missing
-        yield _suspected(found, first)
+        yield _suspected(missing, first)
     elif first.largest_mass is not None and first.share >= _PLAUSIBLE_SHARE:
-        yield _of_mass(found, first, first.largest_mass)
+        yield _of_mass(missing, first, first.largest_mass)
     elif first.stiffness is not None and first.share >= _PLAUSIBLE_SHARE:
-        yield _of_support(found, first, first.stiffness)
-    elif confirmed(found, first):
+        yield _of_support(missing, first, first.stiffness)
+    elif confirmed(missing, first):
         assert first.refit is not None
         change = 100.0 * (first.refit.factor - 1.0)
         yield reason(
             "not accepted", "judge.missing/at-limit" if first.refit.at_bound else "judge.missing", first.name,
             name=first.name, field=_named(first),
             change=f"{'an increase' if change > 0.0 else 'a decrease'} by {abs(change):.3g} %",
-            before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
+            before=f"{missing.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
         )  # fmt: skip
     elif first.share < _PLAUSIBLE_SHARE:
-        yield reason("reservation", "judge.missing/implausible", chance=chance(found), tested=_tested(found))
+        yield reason("reservation", "judge.missing/implausible", chance=chance(missing), tested=_tested(missing))
     else:
-        yield _suspected(found, first)
+        yield _suspected(missing, first)
 
 
 def _suspected(found: MissingResults, first: MissingField) -> ReasonRecord:

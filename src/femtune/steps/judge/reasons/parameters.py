@@ -34,10 +34,10 @@ def _undetermined_and_changed(results: Results) -> Iterable[str]:
     if results.update is None:
         return
     facts = {p.name: p for p in results.parameters}
-    for found in results.update.parameters:
-        fact = facts.get(found.name)
+    for parameter in results.update.parameters:
+        fact = facts.get(parameter.name)
         prior = fact and fact.prior_sd
-        if fact is None or not prior or found.sd is None:
+        if fact is None or not prior or parameter.sd is None:
             continue
-        if found.sd >= _UNDETERMINED * prior and abs(found.value - fact.nominal) >= _CHANGED * prior:
-            yield found.name
+        if parameter.sd >= _UNDETERMINED * prior and abs(parameter.value - fact.nominal) >= _CHANGED * prior:
+            yield parameter.name

@@ -23,19 +23,19 @@ hardly known better than that, and many residuals show any difference."""
 
 def parts_reasons(results: Results) -> Iterable[ReasonRecord]:
     """What noise of the stated size does not explain, and standard deviations that are stated too large."""
-    found = None if results.judgement is None else results.judgement.parts
+    parts = None if results.judgement is None else results.judgement.parts
     goodness = None if results.update is None else results.update.goodness
-    if found is None:
+    if parts is None:
         return
-    misfit = [*_misfit(found), *_mixed(found)]
+    misfit = [*_misfit(parts), *_mixed(parts)]
     yield from misfit
     # the size of errors that are assumptions has a reason of its own
-    stated = any(not kind.assumed for kind in found.kinds) or not found.kinds
+    stated = any(not kind.assumed for kind in parts.kinds) or not parts.kinds
     if stated and not misfit and goodness is not None and goodness.verdict == "fail" and _certain(goodness):
         yield reason("reservation", "judge.misfit/whole", outcome=goodness.sentence)
-    if found.untested:
-        yield _of_untested(found.untested, () if results.update is None else results.update.residual_counts)
-    for kind in found.kinds:
+    if parts.untested:
+        yield _of_untested(parts.untested, () if results.update is None else results.update.residual_counts)
+    for kind in parts.kinds:
         yield from _of_errors(kind)
 
 

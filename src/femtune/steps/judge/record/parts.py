@@ -172,13 +172,13 @@ class PartsResults(Record):
         All residuals together, and a kind, say that something is wrong; a mode, a sensor, a prior say where. If that
         holds for more than half of the modes, the kind is named.
         """
-        found = [p for p in self.parts if p.p_family_wise < level]
+        significant = [p for p in self.parts if p.p_family_wise < level]
         if self.only_prior:
-            found = [p for p in found if p.family == "priors"] or found
-        best = min(found, key=lambda p: (p.family == "kinds", p.p_family_wise, p.p_value, p.values), default=None)
+            significant = [p for p in significant if p.family == "priors"] or significant
+        best = min(significant, key=lambda p: (p.family == "kinds", p.p_family_wise, p.p_value, p.values), default=None)
         if best is None or best.family not in ("modes", "comparisons", "sensors"):
             return best
         alike = [p for p in self.parts if (p.family, p.kind) == (best.family, best.kind)]
         everywhere = 2 * sum(p.p_family_wise < level for p in alike) > len(alike) > 1
-        of_kind = [p for p in found if p.family == "kinds" and p.kind == best.kind]
+        of_kind = [p for p in significant if p.family == "kinds" and p.kind == best.kind]
         return of_kind[0] if everywhere and of_kind else best

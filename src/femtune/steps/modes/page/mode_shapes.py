@@ -45,8 +45,10 @@ _MOST_PICTURES = 80_000
 
 def pictures(source: ReportSource) -> list[Block]:
     """Pictures by configuration; those of the first modes where all would make the page too large."""
-    found = source.results.modes
-    return [block for modes in found for block in _pictures_of(source, modes, _MOST_PICTURES // len(found))]
+    mode_records = source.results.modes
+    return [
+        block for modes in mode_records for block in _pictures_of(source, modes, _MOST_PICTURES // len(mode_records))
+    ]
 
 
 def _pictures_of(source: ReportSource, modes: ModelModes, room: int) -> list[Block]:
@@ -147,8 +149,8 @@ def _configuration(source: ReportSource, name: str) -> list[Block]:
 
 
 def _last_kept(source: ReportSource, name: str) -> ModeShapes | None:
-    found = [m for m in source.results.mode_shapes if m.configuration == name]
-    return found[-1] if found else None
+    kept = [m for m in source.results.mode_shapes if m.configuration == name]
+    return kept[-1] if kept else None
 
 
 def _rest(comparison: CorrelationResults, shown: int) -> list[Block]:

@@ -103,8 +103,8 @@ def _entries(before: CorrelationResults, after: CorrelationResults | None) -> li
 
 def _kept(source: ReportSource, name: str) -> set[str]:
     """Test modes of a configuration that the update did not see."""
-    found = source.results.validation.predictions if source.results.validation else ()
-    return {p.test_label for p in found if p.configuration == name and p.data}
+    predictions = source.results.validation.predictions if source.results.validation else ()
+    return {p.test_label for p in predictions if p.configuration == name and p.data}
 
 
 def _row(entry: _ModeRow, comparisons: list[CorrelationResults], scale: float, kept: set[str]) -> tuple[Cell, ...]:

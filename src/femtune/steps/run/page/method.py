@@ -24,8 +24,8 @@ def method(source: ReportSource) -> list[Block]:
 
 
 def _citations(source: ReportSource) -> list[CitationRecord]:
-    own = source.results.update.citations if source.results.update else ()
-    return list({c.key: c for c in (*own, *source.results.citations)}.values())
+    of_update = source.results.update.citations if source.results.update else ()
+    return list({c.key: c for c in (*of_update, *source.results.citations)}.values())
 
 
 def _sentence(update: UpdateResults) -> str:

@@ -58,8 +58,8 @@ def _judged(source: ReportSource) -> Iterable[_Judged]:
                 asked = _asked(one.sense, one.limit, one.unit)
                 yield _Judged(one.name, "all paired modes", c.configuration, asked, side, one.measured, one.unit,
                               one.verdict)  # fmt: skip
-    found = source.results.validation
-    for v in found.verdicts if found else ():
+    validation = source.results.validation
+    for v in validation.verdicts if validation else ():
         side = 1.0 if v.sense == "at most" else -1.0
         asked = _asked(v.sense, v.required, v.unit)
         yield _Judged(v.criterion, f"not used: {v.data}", v.configuration, asked, side, v.measured, v.unit, v.verdict)
@@ -93,8 +93,8 @@ def _verdict(source: ReportSource) -> list[Block]:
 
 
 def _profile(source: ReportSource) -> str:
-    found = source.results.validation
-    return f" ({found.profile})" if found and found.profile else ""
+    validation = source.results.validation
+    return f" ({validation.profile})" if validation and validation.profile else ""
 
 
 def _verdict_row(group: list[_Judged]) -> tuple[Cell, ...]:

@@ -65,15 +65,18 @@ def _bootstrap(source: ReportSource) -> list[Block]:
 
 
 def _specimens(source: ReportSource) -> list[Block]:
-    found = source.results.specimens
-    return [] if found is None else specimen_blocks(found)
+    specimens = source.results.specimens
+    return [] if specimens is None else specimen_blocks(specimens)
 
 
 def _validation(source: ReportSource) -> list[Block]:
     """Verdicts on data that the update did not use, and which outputs those are; the sentence is in the summary."""
-    found = source.results.validation
+    validation = source.results.validation
     held = [Paragraph(f"{a.sentence}.") for a in source.results.alerts if a.code == "study.worst-held"]
-    return [*held, *([] if found is None else [*validation_verdicts(found)[1:], *deviation_table(found)])]
+    return [
+        *held,
+        *([] if validation is None else [*validation_verdicts(validation)[1:], *deviation_table(validation)]),
+    ]
 
 
 def _modes(source: ReportSource) -> list[Block]:
@@ -119,8 +122,8 @@ def _mac(pair: ModePairRecord) -> str:
 
 def _reasons(source: ReportSource) -> list[Block]:
     """Each reason once, below the tables."""
-    found = source.left_out()
-    lines = [f"Left out, {', '.join(m.configurations)}: {', '.join(m.labels)}: {m.reason}" for m in found]
+    left_out = source.left_out()
+    lines = [f"Left out, {', '.join(m.configurations)}: {', '.join(m.labels)}: {m.reason}" for m in left_out]
     lines += [f"{a.sentence}." for a in source.results.alerts if a.code == "correlate.suspension"]
     return [Paragraph(line, tone="muted") for line in _some(lines, "reason")]
 

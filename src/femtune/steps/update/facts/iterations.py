@@ -42,9 +42,9 @@ def iteration_frfs(
     """
     sets: dict[tuple, list[tuple[int, FittedFrfs]]] = {}
     for number, iteration in enumerate(history):
-        for found in iteration.functions:
-            sets.setdefault(_key(found), []).append((number, found))
-    records = (_record(i, found, len(history), arrays) for i, found in enumerate(sets.values(), 1))
+        for functions in iteration.functions:
+            sets.setdefault(_key(functions), []).append((number, functions))
+    records = (_record(i, functions, len(history), arrays) for i, functions in enumerate(sets.values(), 1))
     whole = [_with_identified(r, identified.get(r.configuration), arrays) for r in records]
     return tuple(r if units is None else r.model_copy(update={"unit": frf_unit(r.kind, units)}) for r in whole)
 

@@ -56,24 +56,24 @@ def smallest_change_results(result: UpdateResult) -> SmallestChangeResults | Non
 
 def minimum_results(result: UpdateResult) -> MinimumResults | None:
     """What was tried for a better minimum; None where nothing was to be tried."""
-    found = result.minimum
-    if found is None:
+    minimum = result.minimum
+    if minimum is None:
         return None
     return MinimumResults(
-        reasons=found.reasons,
-        first_chi_square=found.first_chi_square,
-        chi_square=found.chi_square,
-        improved=found.improved,
+        reasons=minimum.reasons,
+        first_chi_square=minimum.first_chi_square,
+        chi_square=minimum.chi_square,
+        improved=minimum.improved,
         trials=tuple(
             TrialFacts(
                 kind=t.kind, sentence=t.sentence, chi_square=_finite(t.chi_square), before=t.before,
                 iterations=t.iterations, better=t.better, held=t.held, leads_back=t.leads_back,
             )
-            for t in found.trials
+            for t in minimum.trials
         ),
-        left=found.left,
-        iterations=found.iterations,
-        update_iterations=found.update_iterations,
+        left=minimum.left,
+        iterations=minimum.iterations,
+        update_iterations=minimum.update_iterations,
     )  # fmt: skip
 
 

@@ -117,8 +117,8 @@ def _why_no_sd(result: UpdateResult, after: Jet | None) -> str:
     if after is None:
         return _NO_VALUE
     names = [p.name for p in result.parameters.free]
-    found = (int(i) for i in np.flatnonzero(after.grad) if int(i) in result.covariance.reasons)
-    return "; ".join(f"{names[i]}: {result.covariance.reasons[i]}" for i in found) or "σ not given"
+    indices = (int(i) for i in np.flatnonzero(after.grad) if int(i) in result.covariance.reasons)
+    return "; ".join(f"{names[i]}: {result.covariance.reasons[i]}" for i in indices) or "σ not given"
 
 
 Arrays = dict[str, NDArray]
@@ -286,8 +286,8 @@ def _goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
 
 
 def _worst_part(study: Study, result: UpdateResult) -> PartRecord | None:
-    found = parts_results(study, result)
-    return None if found is None else found.named(NOT_ACCEPTED)
+    parts = parts_results(study, result)
+    return None if parts is None else parts.named(NOT_ACCEPTED)
 
 
 def _sampler(result: UpdateResult) -> tuple[str, ...]:
@@ -474,5 +474,5 @@ def _error_percent(at: Evaluation, kind: str) -> float | None:
 
 def citations(keys: Iterable[str]) -> tuple[CitationRecord, ...]:
     """Publications by key."""
-    found = (citation(key) for key in dict.fromkeys(keys))
-    return tuple(CitationRecord(key=c.key, text=c.text, bibtex=c.bibtex) for c in found)
+    cited = (citation(key) for key in dict.fromkeys(keys))
+    return tuple(CitationRecord(key=c.key, text=c.text, bibtex=c.bibtex) for c in cited)

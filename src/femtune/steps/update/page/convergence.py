@@ -200,22 +200,22 @@ def which_point(update: UpdateResults) -> list[str]:
 
 def minimum_sentences(update: UpdateResults) -> list[str]:
     """What was tried for a better minimum, with which result; none if nothing suggested another one."""
-    found = update.minimum
-    if found is None or not found.reasons:
+    minimum = update.minimum
+    if minimum is None or not minimum.reasons:
         return []
-    why = f"Search for a better minimum ({'; '.join(found.reasons)})"
-    if not found.trials:
-        return [f"{why}: nothing was tried; the MACs leave no other pairing open. {_left(found)}".rstrip()]
-    kinds = [t.kind for t in found.trials]
+    why = f"Search for a better minimum ({'; '.join(minimum.reasons)})"
+    if not minimum.trials:
+        return [f"{why}: nothing was tried; the MACs leave no other pairing open. {_left(minimum)}".rstrip()]
+    kinds = [t.kind for t in minimum.trials]
     counts = ((kinds.count("pairing"), "other pairing"), (kinds.count("start"), "start"))
     tried = listed(counted(n, word) for n, word in counts if n)
-    cost = f"{tried}, {counted(found.iterations, 'iteration')} beside {found.update_iterations} of the update"
-    if not found.improved:
-        return [f"{why}: {cost}; none ended at a lower χ². {_left(found)}".rstrip()]
-    (*_, best) = (t for t in found.trials if t.better)
+    cost = f"{tried}, {counted(minimum.iterations, 'iteration')} beside {minimum.update_iterations} of the update"
+    if not minimum.improved:
+        return [f"{why}: {cost}; none ended at a lower χ². {_left(minimum)}".rstrip()]
+    (*_, best) = (t for t in minimum.trials if t.better)
     return [
-        f"{why}: {cost}. A better minimum was found: χ² {value(found.chi_square)} instead of "
-        f"{value(found.first_chi_square)} ({best.sentence}). {_left(found)}".rstrip()
+        f"{why}: {cost}. A better minimum was found: χ² {value(minimum.chi_square)} instead of "
+        f"{value(minimum.first_chi_square)} ({best.sentence}). {_left(minimum)}".rstrip()
     ]
 
 
@@ -307,8 +307,8 @@ def _events(update: UpdateResults) -> Block:
 
 def _trials(update: UpdateResults) -> list[Block]:
     """What was tried for a better minimum, in words and as a table."""
-    found = update.minimum
-    if found is None or not found.reasons:
+    minimum = update.minimum
+    if minimum is None or not minimum.reasons:
         return []
     heads = columns("Tried", ">χ² at its end", ">χ² of the best end before", ">Iterations", "Result")
     rows = tuple(
@@ -316,7 +316,7 @@ def _trials(update: UpdateResults) -> list[Block]:
             t.sentence, NONE if t.chi_square is None else value(t.chi_square), value(t.before), str(t.iterations),
             "yes" if t.better else "no, led back" if t.leads_back else "no",
         )
-        for t in found.trials
+        for t in minimum.trials
     )  # fmt: skip
     words: list[Block] = [Paragraph(text) for text in minimum_sentences(update)]
     return [*words, Table("Other pairings and starts that were tried", heads, rows, _TRIALS_NOTE)] if rows else words
