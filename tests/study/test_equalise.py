@@ -138,7 +138,7 @@ def test_magnitudes_are_shifted_against_noise_of_single_lines_only(bench: Bench,
     assert (shift is None) if equalised else (np.abs(shift).max() > 1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bands_that_are_left_out_have_no_lines(bench: Bench) -> None:
     _measured(bench, 0.0)
     whole, part = (

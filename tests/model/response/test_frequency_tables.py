@@ -318,7 +318,7 @@ def test_a_modulus_that_rises_too_steeply_has_no_mode_of_its_own():
     check_shown("table.own-frequency", caught.value)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_residuals_of_modes_at_their_own_frequency():
     """Frequencies and shapes: zero at the truth, and Jacobians that contain the change of stiffness with frequency."""
     configured = model((MODULUS, LOSSES), {"k": ("K", 2), "m": ("M", 3), "other": ("K", 3)})
