@@ -23,6 +23,9 @@ RUN_TESTS = $(PYTEST) -m "$(1)" --assert=plain $(2) $(PYTEST_ARGS) || { code=$$?
 	[ $$code -ne 1 ] || $(PYTEST) -m "$(1)" --last-failed --last-failed-no-failures none --maxfail 20; exit $$code; }
 SPHINX := $(BIN)/python -m sphinx -q -W --keep-going -j auto -b html
 EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run.py))
+# Rates over many simulated tests, of which the few tests of a quick form would show little, and a second study of the subframe.
+NOT_QUICK := $(addprefix examples/cases/,$(addsuffix /run.py,bootstrap_identified chi_square coverage coverage_bounds \
+	coverage_of_runs near_band_modes subframe_bushings))
 
 # The first candidate that starts and is new enough. A name on the path may be a launcher without a Python
 # behind it, so each is tried.
@@ -86,8 +89,8 @@ notebooks: $(VENV)/.stamp-notebooks  ## execute the notebooks as Jupyter does
 
 # Two at a time: an example has one thread. What it prints stays together. The longest (subframe, rack) are late in the
 # alphabet, and begin first.
-examples-quick: $(VENV)/.stamp-test  ## run the quick form of every example
-	@printf '%s\n' $(EXAMPLES) | sort -r | $(ONE_THREAD) xargs -P 2 -I '{}' bash -c \
+examples-quick: $(VENV)/.stamp-test  ## run the quick form of the examples, except those that measure rates
+	@printf '%s\n' $(filter-out $(NOT_QUICK),$(EXAMPLES)) | sort -r | $(ONE_THREAD) xargs -P 2 -I '{}' bash -c \
 	  'printed="$$($(BIN)/python "$$1" --quick 2>&1)"; code=$$?; printf "== %s, %d s\n%s\n" "$$1" $$SECONDS "$$printed"; exit $$code' run '{}'
 
 web/node_modules/.stamp: web/package-lock.json web/package.json

@@ -26,6 +26,7 @@ _LEFT_OUT = {
     "femtune modes study.toml --eigensolver slepc": "needs SLEPc and MPI: tests/model/test_slepc.py",
     "femtune view aeroplane.bdf": "opens a window",
     "femtune identify hall.csv --band 1 30 --choices choices.toml": "poles are picked: tests/study/test_choices.py",
+    "femtune identify psd.unv --band 1 20": "spectra: tests/identification/test_spectra.py",
 }
 
 

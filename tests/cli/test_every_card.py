@@ -26,7 +26,7 @@ def _command(*words: str) -> int:
         return int(end.code or 0)
 
 
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=5)
 @pytest.mark.parametrize("name", [*WHOLE_DECKS, "general element", "sample PBEAML", "sample PBCOMP"])
 def test_first_commands(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -71,6 +71,7 @@ def test_info_of_a_deck(invoke: Invoke, deck: Path) -> None:
     assert max(map(len, lines)) <= 100
 
 
+@pytest.mark.slow
 def test_modes_of_a_deck(invoke: Invoke, deck: Path) -> None:
     lines = _lines(invoke("modes", deck, env={"COLUMNS": "100"}))
     assert lines[1] == "No mode was missed: the Sturm counts agree."

@@ -76,6 +76,7 @@ def test_two_meshes_of_a_beam(two: tuple[Path, Path]) -> None:
     assert np.abs(pairs.column("freq_error_percent").astype(float)[:2]).max() < 1.0
 
 
+@pytest.mark.slow
 def test_the_command(two: tuple[Path, Path]) -> None:
     told = CliRunner().invoke(main, ["compare", *map(str, two), "--count", "3", "--units", "m-kg-s"])
     assert told.exit_code == 0, told.output

@@ -48,6 +48,7 @@ def test_an_exact_motion_is_found_exactly(hand: float) -> None:
     assert found[0].is_left_handed == (hand < 0.0)
 
 
+@pytest.mark.slow
 def test_points_without_partner_are_left_out() -> None:
     """Three of sixteen are elsewhere, and the others are off by up to 0.2 of an element."""
     random = np.random.default_rng(5)
@@ -99,6 +100,7 @@ def test_numbers_decide_between_symmetries_only() -> None:
     assert "symmetric" in wrong.several
 
 
+@pytest.mark.slow
 def test_points_on_a_line_of_a_beam() -> None:
     """Both directions along a uniform line; the rotation about it is the smallest."""
     line = np.column_stack([np.arange(13.0), np.zeros(13), np.zeros(13)])
@@ -113,6 +115,7 @@ def test_points_on_a_line_of_a_beam() -> None:
     assert only.grids.tolist() == [*range(0, 13, 2), 13, 14, 15]
 
 
+@pytest.mark.slow
 def test_a_factor_between_units() -> None:
     found = register(1000.0 * _moved(BRACKET[CHOSEN]), BRACKET, factors=(1.0, 25.4, 0.01, 0.001))
     assert found[0].factor == 0.001

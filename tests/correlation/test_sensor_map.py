@@ -244,6 +244,7 @@ def test_a_combination_replaces_a_sensor_sign_included() -> None:
     assert [m.how for m in found.matches] == ["combination", "combination"]
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.integers(0, 10**6))
 def test_floor_motion_from_four_corners_is_exact_for_rigid_motion(seed: int) -> None:

@@ -14,7 +14,7 @@ from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
 from femtune.executor import Cluster, Serial
-from femtune.executor.cluster import _answer_of
+from femtune.executor.cluster import answer_of
 from femtune.executor.processes import error_of
 
 _ROOT = Path(__file__).resolve().parents[2]
@@ -113,7 +113,7 @@ def test_a_scheduler_without_femtune_is_told() -> None:
             raise RuntimeError("Error during deserialization") from ModuleNotFoundError("No module named 'femtune'")
 
     library = SimpleNamespace(KilledWorker=KeyError)
-    kind, value = _answer_of(library, Run())
+    kind, value = answer_of(library, Run())
     error = error_of(kind, value, "start", 2)
     assert error.code == "executor.not-sent"
     assert "start 3: ModuleNotFoundError: No module named 'femtune'" in str(error)

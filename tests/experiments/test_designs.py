@@ -76,6 +76,7 @@ def test_a_face_centred_design_has_three_levels() -> None:
     assert len(np.unique(design.points, axis=0)) == 8 + 6 + 1
 
 
+@pytest.mark.slow
 def test_a_latin_hypercube_has_one_point_in_every_interval() -> None:
     points = latin_hypercube(4, 30, seed=3).points
     np.testing.assert_array_equal(_intervals(points), np.arange(30)[:, None] * np.ones((1, 4)))

@@ -30,6 +30,7 @@ def equations(
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 10**6), n=st.integers(4, 30), loops=st.booleans())
 def test_every_equation_is_fulfilled(seed: int, n: int, loops: bool):
     rng = np.random.default_rng(seed)

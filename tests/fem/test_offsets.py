@@ -163,6 +163,7 @@ def test_derivatives_of_many_parameters_are_those_of_few():
         np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 def test_the_moment_of_inertia_of_a_moved_beam_about_its_axis(consistent: bool):
     """ρ (I1 + I2) L, with the length between the moved ends; a CBAR has none."""
@@ -231,6 +232,7 @@ def test_offsets_along_the_line():
     np.testing.assert_allclose(found, [0.1, 0.0, 0.0, 0.0, 0.0, 0.1], atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("upper", "refused"), [(0.9, False), (1.0, True), (1.5, True)])
 def test_bounds_leave_a_length(upper: float, refused: bool):
     """A rigid end of a beam of one metre; the error names the beam."""

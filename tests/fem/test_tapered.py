@@ -33,7 +33,7 @@ def one_value(values: dict[str, float]) -> dict[str, list[float]]:
     return {name: [x] for name, x in values.items()}
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize(
     ("I12", "pins"), [(0.0, ()), (0.0, (5,)), (0.0, (5, 10)), (0.0, (1, 4, 9)), (0.0, (0, 1, 7)), (2e-9, ())]
@@ -195,6 +195,7 @@ def test_frequencies_of_linear_dimensions(height: float) -> None:
     assert np.abs(errors(8, 5)).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_neutral_axis_beside_the_shear_centre_is_a_rigid_arm():
     """Where twist is held, bending about an offset neutral axis is that of a bar on offset arms, mass and all."""
     arm = (0.0, 0.05, -0.03)
@@ -209,6 +210,7 @@ def test_neutral_axis_beside_the_shear_centre_is_a_rigid_arm():
         np.testing.assert_allclose(M[1], M[0], rtol=0, atol=1e-13 * np.abs(M[0]).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("consistent", "tolerance"), [(False, 4e-3), (True, 2e-3)])
 def test_neutral_axis_beside_the_shear_centre_couples_bending_and_torsion(consistent: bool, tolerance: float):
     """Forks at both ends: v and θ are sines, and bending of the shear centre and torsion meet by the mass alone.

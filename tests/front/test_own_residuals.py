@@ -61,6 +61,7 @@ def _block(values: Any, jacobian: Any, sd: Any = 0.01, **more: Any) -> list[Resi
     return [ResidualBlock("own", "", "all", values, jacobian, sd, **more)]
 
 
+@pytest.mark.slow
 def test_a_class_without_a_base_moves_the_parameter(tmp_path: Path) -> None:
     found = ft.run(_study(ft.FrequencyResidual(sd=1000.0), FirstMode()), output=tmp_path / "run")
     assert found.deck is not None

@@ -49,6 +49,7 @@ def test_a_minimum_on_a_bound_and_points_that_cannot_be_computed(method: str) ->
     np.testing.assert_allclose(found.x, [-4.0, -1.0, 2.0], atol=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", _METHODS)
 def test_the_history_is_of_the_best_value(method: str) -> None:
     counted = []

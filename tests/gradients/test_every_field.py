@@ -88,7 +88,7 @@ def point_of(built: BuiltDeck, refs: list[FieldRef], relative: bool) -> ModelPoi
     return model.at(X[: len(refs)])
 
 
-@pytest.mark.quick(0, gate=5)
+@pytest.mark.quick(0, gate=3)
 @pytest.mark.parametrize(
     "card", [*(pytest.param(c, marks=pytest.mark.slow) if c in TAPERED else c for c in CARDS), "PARAM"]
 )
@@ -105,7 +105,7 @@ def test_derivatives_of_every_field(card: str, built: dict[str, BuiltDeck]):
 
 
 @pytest.mark.slow
-@pytest.mark.quick(8, rest="long")
+@pytest.mark.quick(4, rest="long")
 @pytest.mark.parametrize("card", CARDS)
 def test_a_deck_written_at_other_values_has_the_matrices_of_the_parameters(
     card: str, built: dict[str, BuiltDeck], tmp_path: Path

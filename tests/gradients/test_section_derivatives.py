@@ -43,7 +43,7 @@ ENDDATA
 FIELDS = ("PBEAML 3 DIM1", "PBEAML 3 DIM3B", "PBEAM 4 AB", "PBEAM 4 N1A", "PBCOMP 5 A", "MAT1 2 E")
 
 
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=1)
 @pytest.mark.parametrize("fields", [FIELDS[:3], FIELDS[3:]])
 def test_matrices_and_modes(tmp_path: Path, fields: tuple[str, ...]):
     path = tmp_path / "deck.bdf"

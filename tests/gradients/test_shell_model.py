@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from femtune.fem import FieldRef
 from femtune.model import Assignment, Configuration, configure, parametric_model
@@ -16,6 +17,7 @@ FIELDS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_matrices_of_a_curved_offset_shell():
     mesh = shell_mesh(cylinder(1.0, 1.0, 0.0, 1.0), 2, 2, distort=0.2)
     part = ShellPart(mesh.cells, Section(Isotropic(200.0, 0.3, 2.0), 0.05, 0.1, NSM=0.3))

@@ -160,7 +160,7 @@ def branches(solution: EigenSolution, pair: list[int], x: np.ndarray) -> np.ndar
 DIRECTIONS = [np.array(d) for d in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.3, -0.5, 0.8])]
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("direction", DIRECTIONS, ids=str)
 def test_the_branches_of_a_double_mode_have_the_slopes_of_the_small_matrix(
     repeated: tuple[EigenSolution, list[int]], direction: np.ndarray

@@ -21,7 +21,7 @@ FIELDS = {
 }
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("law", FIELDS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivatives_of_eigenvalues(kind: str, law: str):

@@ -63,6 +63,7 @@ def test_a_tenth_pole_of_the_file_is_complex(tables: tuple[PoleTable, PoleTable]
     assert found[1].collinearity < 0.9 < min(c.collinearity for c in found if c is not found[1])
 
 
+@pytest.mark.slow
 def test_ten_modes_are_all_that_the_functions_hold(frfs: FrfSet, tables: tuple[PoleTable, PoleTable]) -> None:
     table = join_tables(tables)
     fit = fit_modes(frfs, chosen_poles(choose(table, _BAND), table).poles)

@@ -55,6 +55,7 @@ def test_modes_with_little_damping_are_no_lines(ratio):
     assert [found_hz(responses(seed, ratio)) for seed in range(4)] == [[]] * 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hz", "level_db", "wander"),
     [(10.0, -20.0, 0.0), (10.0, -20.0, 5e-4), (13.1, -3.0, 0.0), (13.3, 0.0, 5e-4), (7.0, 40.0, 5e-4)],

@@ -107,6 +107,7 @@ def test_a_mode_that_ends_outside_the_band_is_not_reported(three_modes: Known) -
         in_place(fit, candidates, [False] * 3, table, (12.0, 15.0))
 
 
+@pytest.mark.slow
 def test_of_two_poles_of_one_mode_the_one_from_nearer_is_reported() -> None:
     one = Known(np.array([10.0]), np.array([0.01]), np.array([[1.0]]))
     table, candidates = _clusters(one, np.array([9.9, 10.0]), np.array([0.01, 0.01]), np.ones((1, 2)))

@@ -86,6 +86,7 @@ def test_functions_without_noise_are_told_and_not_compared_with_it(three_modes: 
     check_shown("identify.no-noise", next(n for n in found.notices if n.code == "identify.no-noise"))
 
 
+@pytest.mark.slow
 def test_functions_with_little_noise_are_measured_ones(three_modes: Any) -> None:
     frfs = three_modes.frfs(np.linspace(5.0, 30.0, 800), noise=1e-4)
     found = identify_frfs(frfs, InputKnown(largest_order=16))

@@ -158,6 +158,7 @@ def test_errors_that_are_no_noise_raise_the_covariance(three_modes: Any) -> None
     assert np.sqrt(part.pole_covariance[0, 0]) > 3.0 * np.sqrt(whole.pole_covariance[0, 0])
 
 
+@pytest.mark.slow
 def test_the_misfit_is_the_square_of_how_much_too_small_the_stated_deviations_are(three_modes: Any) -> None:
     """Half of what they are: 4 in the mean of 40 seeds, where parameters take a third of the values' freedom."""
     lines = np.linspace(7.0, 24.0, 16)

@@ -164,6 +164,7 @@ def test_spectra_hold_the_power():
     assert np.trapezoid(spectra.values[:, 1, 1].real, dx=step) == pytest.approx(9.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_phases_are_steady_at_modes_only():
     found, truth = phase_scatter(ambient(5, 200_000, 0.003, 0.02), RATE, 2048), plant().truth
     lines = steady_lines(found, (0.3, 9.5), 0.6)

@@ -58,6 +58,7 @@ def test_plscf_comes_near_without_noise(eight_modes: Any, lines: np.ndarray) -> 
         assert mac(found.shapes[:, [near]], shape[:, None])[0, 0] > 0.9999
 
 
+@pytest.mark.slow
 def test_all_modes_are_chosen_and_no_other(eight_modes: Any) -> None:
     table = _table(eight_modes.frfs(_EVEN, noise=0.01))
     found = chosen_poles(choose(table), table)
@@ -77,6 +78,7 @@ def _dofs(n: int) -> tuple[DofSet, DofSet]:
     return dofs, dofs.select([0])
 
 
+@pytest.mark.slow
 def test_the_choice_can_be_changed(eight_modes: Any) -> None:
     table = _table(eight_modes.frfs(_EVEN, noise=0.01))
     changed = change_choice(choose(table), drop=[13.0, 58.0])

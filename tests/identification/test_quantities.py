@@ -119,7 +119,7 @@ def test_movements_of_converted_shapes_are_derivatives(measured):
     assert same is before.shapes
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("quantity", ["strain", "unknown", "displacement"])
 def test_records_of_one_quantity_are_not_converted(measured, quantity):
     plain = by_covariances(record(measured, ALL), ASKED).modes

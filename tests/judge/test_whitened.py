@@ -17,6 +17,7 @@ def _parameters(k: int) -> ParameterSet:
     return ParameterSet(tuple(Parameter(f"k{i}", 1.0, 0.1, 3.0) for i in range(k)))
 
 
+@pytest.mark.slow
 def test_rows_of_an_update_are_labelled_and_lost_combinations_are_known() -> None:
     """Five frequencies and five shapes of unit norm at six sensors: 35 rows, of which 5 combinations are lost."""
     record = whitened(update(spring_chain().problem(0)))
@@ -72,6 +73,7 @@ def test_a_bounded_parameter_leaves_the_columns() -> None:
     assert record.bounded[:, 0].tolist() == [_parameters(2).prior[1][0], 0.0]
 
 
+@pytest.mark.slow
 def test_rows_of_a_prior_are_named_by_their_parameter() -> None:
     result = update(spring_chain().problem(0), SensitivityMethod(regularisation=Prior()))
     record = whitened(result)

@@ -120,6 +120,7 @@ def test_lines_of_half_bandwidths() -> None:
     assert np.sort(steps)[-2] > 0.99 * 2.0 * 0.01 / 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.0, 1.0, -0.1, float("nan")])
 def test_ratios_that_are_none(ratio: float) -> None:
     with pytest.raises(FemtuneError, match="is not between 0 and 1"):

@@ -35,6 +35,7 @@ def test_gap_is_relative_to_the_higher_mode() -> None:
     assert clusters(np.array([98.9, 100.0])) == ((0,), (1,))
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(st.integers(0, 10**6), st.integers(2, 4))
 def test_a_rotation_is_undone_although_sensors_see_no_orthogonal_vectors(seed: int, m: int) -> None:

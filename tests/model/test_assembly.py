@@ -63,7 +63,7 @@ def slowly(point: ModelPoint, kind: str) -> np.ndarray:
     return T.T @ assemble(replace(structure, values=values), kind).toarray() @ T  # type: ignore[arg-type]
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("cells", ["quad", "union"])
 @pytest.mark.parametrize("frames", [False, True])
 @pytest.mark.parametrize("kind", ["stiffness", "mass"])

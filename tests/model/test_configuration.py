@@ -47,6 +47,7 @@ def test_as_the_deck_says():
     assert at(NOTHING).configured.n_free == 24
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("overlay", "written"),
     [

@@ -71,6 +71,7 @@ def test_matrices_are_those_of_a_model_whose_elements_have_these_values(frame: S
         assert abs(one - two).max() < 1e-12 * abs(two).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("power", "n"), [(1, 1), (1, 3), (3, 1), (3, 2), (3, 4)])
 def test_there_are_as_few_functions_as_monomials(power: int, n: int) -> None:
     """(1 + Σ a_j f_j)³ of n amplitudes has C(n + 3, 3) monomials, whatever the number of elements."""

@@ -70,6 +70,7 @@ def sheet_with_bar(folder: Path, k6rot: float = 100.0) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_share_is_how_the_frequency_follows_k6rot(tmp_path: Path) -> None:
     """d ln f² / d ln K6ROT, by differences; all modes with more than the limit are listed, at the bar's foot."""
     solutions = []

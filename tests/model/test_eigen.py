@@ -53,6 +53,7 @@ def chain_values(n: int) -> np.ndarray:
     return 4.0 * np.sin(np.pi * (2 * np.arange(1, n + 1) - 1) / (4 * n + 2)) ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "count"), [(1, 1), (1, 10), (2, 1), (5, 50), (30, 4), (500, 12)])
 def test_chains(n: int, count: int):
     """A single DOF, more modes than there are, and the iterative path."""
@@ -204,6 +205,7 @@ def scaled_chain(n: int, k: float, m: float) -> ModelPoint:
     return springs([(i - 1, i, k) for i in range(n)], [m] * n)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("k", "m"), [(1.0, 1e200), (1e200, 1.0), (1e-60, 1e60)])
 @pytest.mark.parametrize("n", [4, 450])
 def test_sizes_whose_products_overflow_are_refused(n: int, k: float, m: float):
@@ -233,6 +235,7 @@ def skip_one(original):
     return spoilt
 
 
+@pytest.mark.slow
 def test_a_missed_mode_is_caught(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(eigenpairs, "iterative", skip_one(eigenpairs.iterative))
     monkeypatch.setattr(eigen_module, "_MOST_EXTRA", 50)

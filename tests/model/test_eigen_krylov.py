@@ -152,6 +152,7 @@ def operator_of(pencil: Pencil, shift: float) -> Krylov:
     return Krylov(inverse.solve, pencil.mass, pencil.heavy.size)
 
 
+@pytest.mark.slow
 def test_exact_near_and_useless_starts():
     pencil = pencil_of(point_of(plate(8, sides=(0.6, 0.5))))
     operator = operator_of(pencil, -1e4)
@@ -223,7 +224,7 @@ def test_the_modes_of_another_point_shorten_the_way(monkeypatch: pytest.MonkeyPa
     assert abs(new.eigenvalues[6] / old.eigenvalues[6] - 1.0) > 1e-3
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("damage", ["nan", "rotated", "few"])
 def test_bad_starts_lead_to_the_same_modes(damage: str):
     point = thickness_model().at(np.zeros(2))
@@ -274,6 +275,7 @@ def test_modes_that_are_nearly_orthonormal_become_so():
     np.testing.assert_allclose(gram, np.eye(3), atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_count_at_the_limit_spares_a_factorisation(monkeypatch: pytest.MonkeyPatch):
     point, made = thickness_model().at(np.zeros(2)), []
     found = solve_modes(point, 12)

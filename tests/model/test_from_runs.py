@@ -196,7 +196,7 @@ def test_other_surrogates_of_runs_with_shapes(rules: SurrogateRules) -> None:
     assert np.mean(shapes) < 2e-2
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(
     "rules",
     [
@@ -246,6 +246,7 @@ def test_the_error_of_a_run_that_is_left_out_of_kriging() -> None:
         np.testing.assert_allclose(whole.error[i], np.sort(hz) / np.sort(runs.freq_hz[i]) - 1.0, rtol=1e-4, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_rigid_body_modes_that_are_listed_as_zero_do_not_hide_the_others() -> None:
     """A solver lists zero, or a small number, for the motion of a free chain; its elastic modes stay."""
     K = np.diag([1e4, 3e4, 4e4, 2e4]) - np.diag([1e4, 2e4, 2e4], 1) - np.diag([1e4, 2e4, 2e4], -1)

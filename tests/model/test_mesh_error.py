@@ -90,7 +90,7 @@ def test_bars_with_consistent_mass_err_less_than_the_refinement_says(tmp_path: P
     assert _change(solution).error == pytest.approx(1.25 * true, rel=0.02)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("triangles", [False, True], ids=["CQUAD4", "CTRIA3"])
 def test_plates_err_as_the_refinement_says(triangles: bool, tmp_path: Path) -> None:
     """Within a factor of two of true errors above .5 %, which is what the estimate is for; the largest within a third.

@@ -80,6 +80,7 @@ def test_products_of_tall_blocks(rows: int):
     np.testing.assert_allclose(turn(V, C), wanted, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_bound_from_above_is_one():
     """Not below the largest residual, measured with factors below the spectrum, nor far above it."""
     point = model().at(np.zeros(1))

@@ -56,6 +56,7 @@ def solution(path: Path, count: int = 8):  # type: ignore[no-untyped-def]
     return solve_modes(configure(model, Configuration(support_set=1)).at(np.zeros(0)), count)
 
 
+@pytest.mark.slow
 def test_the_part_is_that_of_the_offset(tmp_path: Path) -> None:
     """M less the part is the mass matrix of the beam whose N1, N2 are zero; elements that are off have none."""
     for values in ({}, {"N1": -0.03, "M1": 0.05, "nsm": 0.4}):
@@ -72,7 +73,7 @@ def test_the_part_is_that_of_the_offset(tmp_path: Path) -> None:
         assert offset_mass(own, [1, 2, 3])[1] == 7
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("offset", [0.002, 0.01, 0.03])
 def test_the_changes_are_those_of_the_moved_mass(tmp_path: Path, offset: float) -> None:
     """The stiffness of N2 beside the mass of N2 = 0, solved densely; bending along the offset does not change."""
@@ -115,6 +116,7 @@ def test_modes_and_info_tell(tmp_path: Path) -> None:
     assert ft.modes(beam(tmp_path, "light", rho=0.0, nsm=1.0))[0].alerts == ()
 
 
+@pytest.mark.slow
 def test_info_tells_without_modes(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     deck = beam(tmp_path, "beam")

@@ -40,7 +40,7 @@ def values(n: int) -> np.ndarray:
     return np.add.outer(chain, chain).ravel()
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @solvers
 def test_many_factors_of_one_analysis_live_side_by_side(solver: str) -> None:
     """More of them than a handle has slots, made, used and dropped in changing order."""

@@ -139,6 +139,7 @@ def test_any_text_is_read_or_refused(text: str) -> None:
     _read_or_refuse(text)
 
 
+@pytest.mark.slow
 @given(text=st.text(alphabet="ab019.+-*/() esqrt,_'[]", max_size=40))
 def test_any_text_that_looks_like_arithmetic_is_read_or_refused(text: str) -> None:
     _read_or_refuse(text)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import pytest
 
 from femtune.document.figures.effects import beside_svg, main_effects_svg, search_svg
 from femtune.document.figures.histograms import histograms_svg
 
 
+@pytest.mark.slow
 def test_main_effects_have_a_panel_for_every_parameter_and_a_line_for_every_response() -> None:
     svg = main_effects_svg(
         ["stiffness <1>", "density"], ["mode 1", "mode 2"], [[0.8, 1.0, 1.2], [0.9, 1.1]],
@@ -22,6 +24,7 @@ def test_main_effects_have_a_panel_for_every_parameter_and_a_line_for_every_resp
     assert len(re.findall(r"<use ", svg)) >= 10
 
 
+@pytest.mark.slow
 def test_a_search_is_drawn_by_evaluations() -> None:
     svg = search_svg([("genetic", [10, 20, 30], [1.0, 0.1, 0.05]), ("cma-es", [10, 20], [0.5, 0.05])], [0.05])
     for text in ("genetic", "cma-es", "evaluations", "objective"):
@@ -35,6 +38,7 @@ def test_two_values_of_each_parameter_and_response() -> None:
         assert text in svg
 
 
+@pytest.mark.slow
 def test_powers_of_ten_are_plain_numbers() -> None:
     svg = search_svg([("genetic", [10, 20, 30], [3000.0, 20.0, 4.0])], [4.0])
     shown = re.findall(r">([^<>]*)</text>", svg)
@@ -42,6 +46,7 @@ def test_powers_of_ten_are_plain_numbers() -> None:
     assert {"10", "100", "1000"} <= set(shown)
 
 
+@pytest.mark.slow
 def test_less_than_a_decade_has_numbers_too() -> None:
     svg = search_svg([("genetic", [10, 20, 30], [3.2, 2.2, 1.4])], [1.4])
     assert "2" in re.findall(r">([^<>]*)</text>", svg)

@@ -197,6 +197,7 @@ def test_pixels_show_what_vectors_would(monkeypatch: pytest.MonkeyPatch) -> None
     assert seen >= len(drawn) - 1  # faces that others cover may hide their middle
 
 
+@pytest.mark.slow
 def test_the_same_data_give_the_same_bytes() -> None:
     frame = _plate(30)
     panel = [ShapePanel("t", _wave(frame))]

@@ -81,6 +81,7 @@ def test_a_deck_alone_gets_a_page_with_every_mode(plate: Path, tmp_path: Path) -
     assert all(t.endswith(" Hz") for t in titles[6:])
 
 
+@pytest.mark.slow
 def test_the_page_loads_nothing(plate: Path, tmp_path: Path) -> None:
     ft.modes(plate, report=tmp_path / "page.html")
     text = without_own_scripts((tmp_path / "page.html").read_text("utf-8"))

@@ -57,6 +57,7 @@ def exact_zeros(at: np.ndarray = LIGHT) -> dict[tuple[str, str], list[float]]:
     }
 
 
+@pytest.mark.slow
 def test_they_are_found_where_the_undamped_model_has_them() -> None:
     """To a few thousandths where what damps them is a loss factor below .05."""
     found = measured_antiresonances(functions())
@@ -141,6 +142,7 @@ def test_unpaired_ones_are_left_out_with_their_reason() -> None:
         antiresonance_residual(modes, frfs, zeros, gates=ZeroGates(1e-9))
 
 
+@pytest.mark.slow
 def test_motion_tells_near_ones_apart() -> None:
     """A zero of the test at which another motion is measured is not paired with the model's beside it."""
     frfs = functions()
@@ -152,7 +154,7 @@ def test_motion_tells_near_ones_apart() -> None:
     assert "deflection shapes" in notices[0].what
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("sd", [0.0, -1.0, float("nan")])
 def test_no_scatter_is_refused(sd: float) -> None:
     with pytest.raises(FemtuneError) as error:
@@ -191,6 +193,7 @@ def test_stated_standard_deviations_are_those_of_repeats(noise: float) -> None:
     assert abs(np.mean(pulls)) < 0.3
 
 
+@pytest.mark.slow
 def test_minima_of_noise_are_no_antiresonances() -> None:
     """Two modes with equal residues have one zero, at the mean of the poles; noise of 1e-3 of the largest magnitude."""
     freq = np.arange(1.0, 60.0, 0.1)

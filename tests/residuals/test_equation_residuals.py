@@ -106,6 +106,7 @@ STATIC = static_test(MODEL, TRUTH, {3: 10.0, 1: -4.0}, (0, 1, 3))
 WITHOUT_MASS = factor_model(spring_structure(CHAIN, [1.0, 2.0, 1.5, 1.0]), {"a": [1, 2], "b": [3]})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "residual",
     [

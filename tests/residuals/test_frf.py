@@ -106,7 +106,7 @@ def test_logarithms_by_complex_difference(kind: FrfKind):
             np.testing.assert_allclose(found * 0.05, slope, atol=1e-8 * np.abs(slope).max())
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @every_form
 def test_zero_at_the_truth_and_only_there(form: FrfForm):
     residual = residual_of(form)
@@ -114,7 +114,7 @@ def test_zero_at_the_truth_and_only_there(form: FrfForm):
     assert np.linalg.norm(values_at(residual, AT)) > 10.0
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @every_form
 def test_values_with_and_without_derivatives_are_the_same_numbers(form: FrfForm):
     """Few modes: residual vectors make up for the others, and both must have the same ones."""
@@ -159,7 +159,7 @@ def test_weighted_residuals_of_a_noisy_test_have_unit_variance_and_no_mean(form:
     np.testing.assert_allclose(pairs.std(axis=0), 1.0, atol=0.06)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @every_form
 @pytest.mark.parametrize("seed", range(3))
 def test_parameters_are_recovered(form: FrfForm, seed: int):
@@ -213,6 +213,7 @@ def test_motions_that_do_not_couple_are_the_same_in_every_unit_of_force(unit: fl
     assert [b.mode for b in residual.compare(start)] == ["1X+ / 1X+", "2X+ / 1X+", "3X+ / 3X+"]
 
 
+@pytest.mark.slow
 def test_nothing_left_is_an_error_that_says_why():
     model = chain()
     ports = ports_of(model, ("2Y+",))
@@ -237,6 +238,7 @@ def test_what_was_not_measured_is_not_compared():
         frf_residual(start, empty)
 
 
+@pytest.mark.slow
 def test_antiresonances_below_the_noise_are_left_out_of_logarithms_only():
     model = chain()
     ports = ports_of(model)
@@ -260,6 +262,7 @@ def test_nodes_that_the_model_lacks_are_refused():
     assert error.value.code == "model.unknown-node"
 
 
+@pytest.mark.slow
 def test_a_test_of_another_kind_is_compared_in_its_own():
     model = chain()
     ports = ports_of(model)
@@ -284,6 +287,7 @@ def test_modal_damping_counts():
 class TestResonanceRegions:
     """Blocks by resonance, at lines that are stretched where the model's peaks are elsewhere."""
 
+    @pytest.mark.slow
     def test_blocks_are_those_of_the_modes(self):
         model = chain()
         ports = ports_of(model)
@@ -292,6 +296,7 @@ class TestResonanceRegions:
         residual, _ = frf_residual(start, measured(model, ports), Resonances(modes))
         assert [b.mode for b in residual.compare(start)] == ["1", "2"]
 
+    @pytest.mark.slow
     def test_stretched_lines_make_up_for_a_stiffness_that_is_wrong_everywhere(self):
         """All stiffness too high by r² and dashpots by r: the same functions at lines r times as high."""
         model, r = chain(), 1.02

@@ -64,7 +64,7 @@ def problem_of(case: ComparedCase, residual: OfPairs) -> UpdateProblem:
     return UpdateProblem((replace(case, residuals=(residual,)),), case.configured.model.parameters)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("name", RESIDUALS)
 def test_jacobian(name: str):
     check_residual(problem_of(chain_case(), RESIDUALS[name](3, 3)), np.array([0.02, 0.1, -0.1]))

@@ -174,7 +174,7 @@ def test_one_mode_of_a_repeated_pair_is_refused():
     assert caught.value.code == "derivative.close-poles"
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(
     ("ratios", "code"),
     [

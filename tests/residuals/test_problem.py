@@ -53,7 +53,7 @@ def problem_of(case: ComparedCase, residuals: tuple[PairResidual, ...]) -> Updat
     return UpdateProblem((case,), case.configured.model.parameters, residuals)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("form", FORMS)
 def test_jacobian_of_every_form(form: str):
     check_residual(problem_of(chain_case(), FORMS[form]), np.array([0.02, 0.1, -0.1]))

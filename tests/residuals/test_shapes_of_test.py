@@ -37,7 +37,7 @@ def problem(case: ComparedCase, residual: ShapeResidual) -> UpdateProblem:
 SD = 0.01 * np.array([[1.0, 2.0, 1.0], [3.0, 1.0, 0.5], [0.5, 1.0, 2.0], [2.0, 1.5, 1.0]])
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("scaling", SCALINGS)
 def test_jacobian(scaling: ShapeScaling) -> None:
     check_residual(problem(case_of(SD), ShapeResidual("test", scaling)), np.array([0.02, 0.1, -0.1]))

@@ -181,6 +181,7 @@ def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     check_shown("external.folder, full", re.sub(r"runs/\S+", "runs/RUN", text))
 
 
+@pytest.mark.slow
 def test_two_runs_that_differ_are_noticed(tmp_path: Path) -> None:
     solver = fake_solver(tmp_path)
     known = solver.run(POINT)

@@ -201,6 +201,7 @@ def test_no_optimum(bench: Bench) -> None:
     check_shown("bootstrap.not-converged", f"[{told.code}] {told.sentence.removeprefix('bootstrap: ')}")
 
 
+@pytest.mark.slow
 def test_stages_have_no_bootstrap(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     stage = '[[stage]]\nname = "all"\nparameters = ["root", "tip"]\nresiduals = ["frf"]\n'
     monkeypatch.chdir(bench.folder)

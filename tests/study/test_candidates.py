@@ -180,7 +180,7 @@ def test_a_candidate_that_is_interrupted_among_its_starts_keeps_them(two: Bench)
     assert sorted(file.read_text(encoding="utf-8").splitlines(keepends=True)) == sorted(lines)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_several_starts_and_processes_give_the_same(two: Bench) -> None:
     asked = '[candidates]\nsubsets = "all"\nmost = 1\nstarts = 2\nleave_one_out = false\n'
     one = ft.candidates(study(two, asked))
@@ -255,7 +255,7 @@ def test_two_equally_good_optima(bench: Bench) -> None:
     assert 0 < both.starts_at_best + both.starts_unpaired < 8
 
 
-@pytest.mark.quick(3)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(
     ("name", "text"),
     [
@@ -295,7 +295,7 @@ def test_a_tie_without_a_value_is_named(two: Bench) -> None:
 SEARCHED = '[candidates]\nleave_one_out = false\nstarts = 3\nsearch = "genetic"\npopulation = 10\ngenerations = 5\n'
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_starts_from_random_populations(two: Bench) -> None:
     """Every search ends in the valley of the minimum, which an update of the same parameters finds too."""
     found = ft.candidates(study(two, LISTED + SEARCHED))

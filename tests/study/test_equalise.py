@@ -138,7 +138,7 @@ def test_magnitudes_are_shifted_against_noise_of_single_lines_only(bench: Bench,
     assert (shift is None) if equalised else (np.abs(shift).max() > 1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bands_that_are_left_out_have_no_lines(bench: Bench) -> None:
     _measured(bench, 0.0)
     whole, part = (
@@ -186,6 +186,7 @@ def test_held_out_channels_are_compared_with_the_measured_damping(bench: Bench) 
     np.testing.assert_array_equal(known, (hertz < 60.0) | (hertz > 150.0))
 
 
+@pytest.mark.slow
 def test_an_order_that_is_too_small(bench: Bench) -> None:
     _measured(bench, 0.005)
     with pytest.raises(FemtuneError) as caught:

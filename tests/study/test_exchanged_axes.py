@@ -44,6 +44,7 @@ def test_the_rotation_that_fits_is_proposed(bench: Bench, turn: tuple) -> None:
     assert min(pair.mac for pair in found.pairs) > 0.99
 
 
+@pytest.mark.slow
 def test_an_update_without_pairs_states_the_rotation(bench: Bench) -> None:
     """Directions across the beam are exchanged; turns by 90° to either side fit."""
     bench.uff(exchanged(bench.measure(bench.truth()), np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)))

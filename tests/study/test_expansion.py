@@ -89,6 +89,7 @@ def test_a_run_keeps_shapes_of_both_versions_and_writes_the_last(beam: Bench) ->
     assert again.results.correlations == result.results.correlations
 
 
+@pytest.mark.slow
 def test_serep_takes_the_paired_modes_or_those_that_the_study_wants(beam: Bench) -> None:
     paired = ft.correlate(beam.study(), expand="serep")[0].expansion
     assert paired is not None
@@ -107,6 +108,7 @@ def test_modes_that_the_study_leaves_out_are_not_expanded(beam: Bench) -> None:
     assert [m.test_label for m in record.modes] == ["1", "3", "4"]
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_errors_and_writes_the_file(few: Bench) -> None:
     study, uff = few.study(), few.folder / "out.uff"
     shown = CliRunner().invoke(main, ["correlate", str(study), "--expand", "mdre", "--uff", str(uff)])

@@ -325,6 +325,7 @@ def test_points_without_place_are_told(tmp_path: Path) -> None:
 # Parameters.
 
 
+@pytest.mark.slow
 def test_what_cannot_be_told_apart_is_proposed_once(small: tuple[Path, Path]) -> None:
     """Thickness, modulus and density of a thin plate change all frequencies alike: f ∝ t √(E/ρ)."""
     made = ft.init(*small, small[0].parent / "new")

@@ -107,7 +107,7 @@ def test_poles_find_modulus_and_loss_factor(rubber: Bench):
     assert "CELAS2 21 GE" in html
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_direct_frfs_find_modulus_and_loss_factor(rubber: Bench):
     """The updated deck, read back, gives the measured FRFs with the same tables; [response] compares them."""
     measured_frfs(rubber)

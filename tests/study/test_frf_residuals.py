@@ -153,6 +153,7 @@ def test_what_cannot_be_compared_is_refused_in_a_sentence(name: str, bench: Benc
     assert error.value.hint
 
 
+@pytest.mark.slow
 def test_what_is_seen_only_at_the_start_points_to_its_own_table(bench: Bench, true_deck: Path) -> None:
     bench.functions(functions(true_deck))
     path = study_of(bench, 'kind = "frf"\nto_hz = 50.0\n\n[[residual]]\nkind = "frf"\nfrom_hz = 900.0')
@@ -187,6 +188,7 @@ def test_functions_on_reduced_models(bench: Bench, true_deck: Path) -> None:
     assert "0.01 standard deviations of the parameters (FRFs)" in text
 
 
+@pytest.mark.slow
 def test_poor_channels_and_turned_sensors_weigh_less(bench: Bench, true_deck: Path) -> None:
     """σ of the logarithm: that of the output; with a turned sensor more where the other axis moves more."""
     bench.functions(functions(true_deck))

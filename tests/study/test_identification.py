@@ -111,6 +111,7 @@ def test_a_choice_by_hand_need_not_be_met_by_every_method_and_fragment(record, t
     assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz[1:], rel=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["SSI-cov", "FDD"])
 def test_a_choice_that_the_first_method_cannot_make_is_refused(record, tmp_path, method):
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "take_hz": (2.0,), "methods": (method,), "largest_order": 20}
@@ -215,6 +216,7 @@ def test_a_dead_channel_is_named(record, tmp_path):
     assert "2S+" in made.record.alerts[0].sentence
 
 
+@pytest.mark.slow
 def test_what_was_found_before_an_error_is_shown_with_it(record, tmp_path):
     values = np.loadtxt(record, delimiter=",")
     values[700, 1] = 1e30

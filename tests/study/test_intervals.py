@@ -138,6 +138,7 @@ def test_shapes_need_deviations_from_somewhere(beam: Bench) -> None:
 _AT_TWO = '[[residual]]\nkind = "shape"\nsd = "test"\nsensors = ["2Z+", "3Z+"]\n'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("residuals", "modes"),
     [

@@ -83,6 +83,7 @@ def test_the_truth_is_found_without_the_mode_that_the_test_lacks(bench: Bench, a
     assert max(abs(_values(other)[n] / v - 1.0) for n, v in (("root", 1.3), ("tip", 0.85))) > 0.02
 
 
+@pytest.mark.slow
 def test_a_frequency_far_from_all_modes(bench: Bench) -> None:
     _measured(bench)
     number, hertz = _missing(bench)
@@ -92,6 +93,7 @@ def test_a_frequency_far_from_all_modes(bench: Bench) -> None:
     assert number
 
 
+@pytest.mark.slow
 def test_one_mode_is_named_once(bench: Bench) -> None:
     _measured(bench)
     _, hertz = _missing(bench)

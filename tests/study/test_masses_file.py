@@ -68,6 +68,7 @@ def test_an_exchange_of_modes_is_told(bench: Bench) -> None:
     assert "without the masses of the test equipment, the order of the modes 3 and 4 would be exchanged" in told[0]
 
 
+@pytest.mark.slow
 def test_masses_in_another_unit_than_the_study_are_told(bench: Bench) -> None:
     """40 g in a column of the study's unit: 1000 times too heavy."""
     record = ft.modes(_study(bench, "node,mass\n3,40\n5,25\n")).records[0]

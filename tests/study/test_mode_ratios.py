@@ -64,6 +64,7 @@ def study_of(bench: Bench, method: str = "direct", ratios: str = "ratios = [0.02
     return bench.write("study.toml", text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["real modes", "complex modes", "direct"])
 def test_responses_at_the_start_have_the_ratios_of_the_parameters(bench: Bench, method: str) -> None:
     """A factor starts at the ratio of [response], an absolute one at its own nominal value."""

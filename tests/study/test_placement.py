@@ -107,6 +107,7 @@ def test_results_and_report_have_the_effect_of_the_placement(beam: Bench) -> Non
     assert "effect of the placement of the sensors" in (result.folder / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_the_stated_deviation_lowers_the_weight_of_shapes(beam: Bench) -> None:
     def scale(tail: str) -> float:
         return _blocks(beam.study(f"{EI}{tail}[residuals]\nshape_sd = 0.01\n"))[0].sd

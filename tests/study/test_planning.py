@@ -75,6 +75,7 @@ def test_numbers_of_the_set_are_those_of_the_shapes_at_its_points(free: Path) ->
     assert [s.independence for s in found.record.sensors] == pytest.approx(E, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_elastic_modes_are_the_targets_where_none_are_named(free: Path) -> None:
     found = ft.plan(free)
     assert [m.number for m in found.record.modes] == list(range(7, 13))
@@ -84,6 +85,7 @@ def test_elastic_modes_are_the_targets_where_none_are_named(free: Path) -> None:
     assert [m.rigid_body for m in with_rigid.record.modes] == [True] * 6 + [False] * 2
 
 
+@pytest.mark.slow
 def test_all_modes_and_all_points(free: Path) -> None:
     found = ft.plan(free, modes="ALL", nodes="ALL", uniaxial=8)
     assert [m.number for m in found.record.modes] == list(range(7, 13))
@@ -345,6 +347,7 @@ def test_a_given_exciter_and_the_sensor_at_its_driving_point(free: Path) -> None
     assert only.record.exciters[0].node in (1, 9)
 
 
+@pytest.mark.slow
 def test_frequency_lines_of_the_band(free: Path) -> None:
     found = ft.plan(free, band_hz=(20.0, 120.0), uniaxial=20, damping_ratio=0.005, lines_per_half_band=4)
     lines = found.calibration_lines

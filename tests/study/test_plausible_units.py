@@ -215,6 +215,7 @@ def test_sensors_that_fall_on_one_grid_point(bench: Bench) -> None:
     assert 'write units = "mm-t-s" in [study]' in caught.value.hint
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "words"), [(1e3, "millimetres where the model has metres"), (40.0, "inches")])
 def test_the_error_of_unmatched_sensors_says_it_too(bench: Bench, factor: float, words: str) -> None:
     made = bench.measure(bench.truth(()))

@@ -257,7 +257,7 @@ def test_intervals_are_those_of_the_extreme_frequencies(bench: Bench):
     assert titles[-2:] == ["Intervals of the parameters", "Extreme frequencies"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_intervals_with_a_frequency_table_are_a_sentence(repeated):
     """They ended the run with table.no-frequency."""
     bench, _, hz = repeated

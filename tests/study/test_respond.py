@@ -73,6 +73,7 @@ def test_one_mass(bench: Bench, method: str, kind: str) -> None:
     assert pole.real_freq_hz == pytest.approx(np.sqrt(400.0) / (2 * np.pi), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_ratios_in_place_of_what_the_deck_damps(bench: Bench) -> None:
     deck = bench.write("one.bdf", OSCILLATOR)
     asked = {"inputs": ("1S+",), "from_hz": 1.0, "to_hz": 6.0, "lines": 30, "damping": "modal", "kind": "receptance"}
@@ -97,7 +98,7 @@ _PAIR = "SOL 103\nCEND\nBEGIN BULK\nGRID,2,,0.,0.,0.,,23456\nGRID,3,,1.,0.,0.,,2
 _PAIR += "CELAS2,2,500.,2,1,3,1\nCMASS2,3,2.,2,1\nCMASS2,4,3.,3,1\n"
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(("dashpots", "coupled"), [((8.0, 5.0), False), ((8.0, 0.0), True), ((8.0, 4.9), True)])
 def test_complex_modes_where_damping_couples_the_real_ones(
     bench: Bench, dashpots: tuple[float, float], coupled: bool

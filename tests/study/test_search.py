@@ -119,6 +119,7 @@ def test_runs_that_fail_are_left_out_and_named(beam: Bench, monkeypatch: pytest.
     assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "options"), [("search.too-few", {}), ("search.all-failed", {"on": "model"})])
 def test_too_many_failures(beam: Bench, monkeypatch: pytest.MonkeyPatch, name: str, options: dict[str, str]) -> None:
     _failing(monkeypatch, -0.49)
@@ -127,6 +128,7 @@ def test_too_many_failures(beam: Bench, monkeypatch: pytest.MonkeyPatch, name: s
     check_shown(name, caught.value)
 
 
+@pytest.mark.slow
 def test_options_are_checked_as_keys(beam: Bench) -> None:
     for options in ({"on": "table"}, {"runs": 1}, {"method": "swarm"}, {"people": 3}):
         with pytest.raises(FemtuneError):
@@ -186,6 +188,7 @@ def test_a_front_between_what_the_frequencies_and_what_the_shapes_say(beam: Benc
     assert "Frequencies against shapes" in (beam.folder / "page.html").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "residuals", "csv"),
     [

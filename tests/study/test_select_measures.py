@@ -44,6 +44,7 @@ def test_the_parameters_that_are_wrong_explain_the_residual(beam: Bench):
     assert "root" in [s.parameter for s in found.subset if s.chosen][:1]
 
 
+@pytest.mark.slow
 def test_a_parameter_is_tested_by_the_independent_residuals_of_shapes(bench: Bench):
     """Each shape of unit norm has one independent value less than entries."""
     bench.uff(bench.measure(bench.truth(), "3Y+", "5Y+", "3Z+"))
@@ -118,6 +119,7 @@ def test_shares_of_a_stiffness_are_the_logarithmic_derivatives(beam: Bench):
     np.testing.assert_allclose([shares["root"], shares["tip"]], 100.0 * slopes, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_contradicts_the_test_gathers_where_the_deck_is_wrong(bench: Bench):
     """Only the root differs, and all points are measured."""
     change = ("PBAR    1       1       1.0-3   2.0-7 ", "PBAR    1       1       1.0-3   3.0-7 ")

@@ -99,7 +99,7 @@ def test_roving_sensors_of_velocity_and_acceleration_become_whole_shapes(tmp_pat
     assert "Identified mode shapes" in made.report.read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_setups_side_by_side_are_those_one_after_another(tmp_path):
     path = written(tmp_path, np.random.default_rng(0), roving(2, overlap=True), 120.0)
     alone, both = (identify(path, output=tmp_path / str(jobs), jobs=jobs) for jobs in (1, 2))

@@ -39,6 +39,7 @@ def test_an_update_finds_the_values_of_the_deck_that_was_simulated(bench: Bench)
     assert {p.name: p.value for p in update.parameters} == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_rigid_body_motions_are_left_out_and_a_sign_turns_label_and_motion(bench: Bench) -> None:
     deck = bench.write("free.bdf", bench.text.replace("123456  1", "14      1"))
     plain, turned = bench.folder / "plain.uff", bench.folder / "turned.uff"

@@ -185,7 +185,7 @@ def test_steps_on_a_table_of_runs(table_study: Path, step: str) -> None:
         assert len(found.record.modes) == 4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_candidates_on_the_solver_with_starts_and_ties(study: Path) -> None:
     listed = '\n[candidates]\nstarts = 2\n\n[[candidate]]\nname = "both"\nparameters = ["k1", "k2"]\n'
     tied = '\n[[candidate]]\nname = "one"\nparameters = ["k1"]\nties = { k2 = "k1*0.9" }\n'

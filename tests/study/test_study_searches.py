@@ -98,7 +98,7 @@ def test_many_starts_are_kept_told_and_not_found_twice(beam: Bench) -> None:
     assert json.loads((Path(other.folder) / STARTS_FILE).read_text().splitlines()[0]) != json.loads(lines[0])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_samples_are_kept_and_processes_give_the_same(beam: Bench) -> None:
     text = f"{beam.parameters}[update]\nstarts = 2\nsamples = 6\nseed = 2\n"
     run = ft.update(beam.study(text))
@@ -198,6 +198,7 @@ def test_contradictions_are_told_before_anything_is_solved(tmp_path: Path, updat
     assert word in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("step", "more"),
     [

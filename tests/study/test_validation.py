@@ -221,7 +221,7 @@ def test_an_unmodelled_spring_is_no_noise(bench: Bench) -> None:
     assert [found.sentence in a.sentence for a in run.results.alerts if a.code == "update.misfit"] == [True]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_shapes_that_are_not_normal_stay_out_of_the_test(beam: Bench) -> None:
     tail = '[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01\nshape_form = "mac"'
     found = _goodness(ft.update(beam.study(beam.parameters + tail)))

@@ -369,6 +369,7 @@ def test_limits_without_data_are_not_tested(beam: Bench) -> None:
     assert "shape error at held-out sensors: no sensors were held out" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "text"),
     [

@@ -12,6 +12,7 @@ from femtune.errors import FemtuneError
 from .cantilever import EI, Bench, measured
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", ["modes", "correlate", "select"])
 def test_a_deck_without_its_end_is_told(beam: Bench, step: str) -> None:
     path = beam.folder / "beam.bdf"
@@ -20,6 +21,7 @@ def test_a_deck_without_its_end_is_told(beam: Bench, step: str) -> None:
     assert told.endswith(f" at {path}:21")
 
 
+@pytest.mark.slow
 def test_the_terminal_says_it_and_quiet_says_it_on_standard_error(bench: Bench) -> None:
     path = bench.folder / "beam.bdf"
     path.write_text(path.read_text().replace("ENDDATA\n", ""))

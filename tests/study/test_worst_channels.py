@@ -83,6 +83,7 @@ def test_what_cannot_be_held_out(bench: Bench, hold: str, says: str) -> None:
     assert says in error.value.what
 
 
+@pytest.mark.slow
 def test_a_wrong_sign_a_dead_channel_and_a_driving_point_are_told(bench: Bench) -> None:
     exact = functions(bench.truth(TRULY, DAMPED), 0.001)
     values = exact.values.copy()

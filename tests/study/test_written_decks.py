@@ -57,6 +57,7 @@ def clamp(bench: Bench) -> Bench:
     return bench
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", ["", SHARED.replace("clamp", "rest").replace("elements = [1]", "elements = [2]")])
 def test_a_shared_card_that_must_not_be_split_is_refused_before_the_update(clamp: Bench, rest: str) -> None:
     study = clamp.study(SHARED + rest + "[write]\nsplit = false\n")
@@ -68,6 +69,7 @@ def test_a_shared_card_that_must_not_be_split_is_refused_before_the_update(clamp
     assert not (clamp.folder / "run" / "history.jsonl").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "entry"),
     [

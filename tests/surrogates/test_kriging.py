@@ -110,7 +110,7 @@ def test_a_response_surface_is_ordinary_least_squares() -> None:
     np.testing.assert_allclose(high - low, 2.0 * stats.t.ppf(0.95, 15) * sd, rtol=1e-8)
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("logarithms", [False, True])
 @pytest.mark.parametrize("correlation", [*CORRELATIONS])
 def test_the_gradient_of_a_prediction_by_complex_step(correlation: str, logarithms: bool) -> None:

@@ -87,7 +87,7 @@ def test_noise_of_logarithms_is_that_of_the_functions() -> None:
 @pytest.mark.parametrize(
     ("method", "form"), [("lines", "log-complex"), ("entries", "log-magnitude"), ("noise", "linear")]
 )
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=1)
 def test_a_run_is_the_optimum_of_its_data(method: Drawing, form: str) -> None:
     """Against a trust-region optimiser with its own differences, on the same draw."""
     bootstrap = work(method, form)

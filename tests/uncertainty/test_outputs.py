@@ -161,6 +161,7 @@ def test_frequencies_and_shapes_give_mean_and_covariance_of_parameters():
     np.testing.assert_allclose(found.sd, theta.std(axis=0, ddof=1), rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_shapes_of_paired_modes_have_derivatives_and_the_scale_of_the_test():
     model = _chain()
     case = simulated_case(model, np.zeros(4), range(4), 3)

@@ -52,6 +52,7 @@ def test_a_resting_parameter_at_its_bound_is_not_reported_as_such(problem: Updat
     assert result.x[0] == upper
 
 
+@pytest.mark.slow
 def test_a_resting_parameter_pulls_what_a_prior_says_goes_with_it(problem: UpdateProblem):
     sd = np.array([p.sd for p in problem.parameters.free[:2]])
     covariance = np.array([[1.0, 0.999], [0.999, 1.0]]) * np.outer(sd, sd) * 1e-8
@@ -94,6 +95,7 @@ def test_a_weight_is_kept_or_adapted(problem: UpdateProblem, adapt: bool):
     assert result.side.weight > 0.0
 
 
+@pytest.mark.slow
 def test_truncation_holds_a_combination(problem: UpdateProblem):
     spread = problem.parameters.prior[1]
     start = problem.start(np.zeros(3))

@@ -104,6 +104,7 @@ def test_the_end_is_that_of_the_data_and_does_not_keep_changes_small():
     assert np.linalg.norm(few.x) < np.linalg.norm(more.x) < np.linalg.norm(plain.x)
 
 
+@pytest.mark.slow
 def test_chi_square_in_the_history_is_that_of_the_data():
     result = updated(EachStep(MinimumChange(10.0)), LevenbergMarquardt(), max_iterations=6)
     assert result.history[-1].objective == pytest.approx(result.after.objective, rel=1e-12)

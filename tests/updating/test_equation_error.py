@@ -67,7 +67,7 @@ def test_entries_and_modes_that_do_not_count_are_left_out(problem: UpdateProblem
     assert phases[-1].start(TRUTH).objective < 1e-18
 
 
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=1)
 @pytest.mark.parametrize("form", ["difference", "mac"])
 def test_starts_from_anywhere_find_the_truth(problem: UpdateProblem, form: str):
     of_shapes = MacResidual(1.0) if form == "mac" else ShapeResidual(1.0)

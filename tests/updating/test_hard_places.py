@@ -126,7 +126,7 @@ def test_steps_are_lengthened_where_the_curvature_is_less_than_the_linear_model_
     assert len(result.history) <= 12
 
 
-@pytest.mark.quick(3)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("seed", range(8))
 def test_a_minimum_with_as_many_residuals_as_parameters_is_no_stall(seed: int):
     """Jᵀr = 0 with r ≠ 0 makes a square Jacobian singular: rounding decides what its linear model still predicts."""

@@ -20,6 +20,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(2)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.integers(0, 10**6), st.floats(-8, 1))
 def test_the_step_is_the_constrained_optimum(seed: int, exponent: float):

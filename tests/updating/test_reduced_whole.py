@@ -16,6 +16,7 @@ from femtune.updating import ReductionRules, SensitivityMethod, update_reduced
 from structures.frames import make_structure, scalars
 
 
+@pytest.mark.slow
 def test_a_basis_of_all_motions_is_exact():
     springs = scalars("spring", [[0, 6], [6, -1]], "K", [400.0, 100.0])
     structure = make_structure(np.zeros((2, 3)), [springs, scalars("scalar-mass", [[0, -1], [6, -1]], "M", [1.0, 2.0])])

@@ -77,6 +77,7 @@ def test_few_sensors_and_entries_that_were_not_measured():
     np.testing.assert_allclose(result.x, TRUTH, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_repeated_modes():
     """A ring whose pairs the truth splits; the start has them exactly repeated."""
     links = [(i, (i + 1) % 6, 40.0) for i in range(6)] + [(-1, i, 10.0) for i in range(6)]

@@ -78,6 +78,7 @@ def test_timoshenko_beam(support: tuple[str, str], plane: int, consistent: bool,
     assert np.abs(errors[-1]).max() < (6e-4 if consistent else 8e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("in_plane", [True, False])
 @pytest.mark.parametrize("consistent", [False, True])
 def test_ring(in_plane: bool, consistent: bool):

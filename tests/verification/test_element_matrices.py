@@ -157,6 +157,7 @@ def test_a_plate_of_squares_has_the_listed_modes(source: Path) -> None:
     np.testing.assert_allclose(found, [6333.01, 7495.47, 16238.5, 17161.5], rtol=5e-6)
 
 
+@pytest.mark.slow
 def test_meshes_of_the_same_structure_converge(source: Path, tmp_path: Path) -> None:
     """Single elements with lumped mass are up to 60 % away: a percent between programs says nothing of either."""
     last = None
@@ -171,6 +172,7 @@ def test_meshes_of_the_same_structure_converge(source: Path, tmp_path: Path) -> 
     assert steps[1] < 0.12
 
 
+@pytest.mark.slow
 def test_commercial_shells_and_wedges_in_our_model_of_every_kind_give_the_listed_modes(
     source: Path, theirs: dict[str, Any]
 ) -> None:

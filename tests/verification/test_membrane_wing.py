@@ -20,6 +20,7 @@ def modes(path: Path, text: str) -> np.ndarray:
     return solve_modes(configured.at(np.zeros(0)), 7).freq_hz
 
 
+@pytest.mark.slow
 def test_the_listed_mode_of_the_goland_wing(tmp_path: Path) -> None:
     """Seven digits, and the listed Sturm counts: four modes below 13.30429 Hz, six below 18.98444 Hz."""
     found = modes(tmp_path / "wing.bdf", goland_wing())

@@ -20,7 +20,7 @@ from .random_frames import HEAD, bars, frequencies, points, sections, systems
 _TAIL = ["RBE2,31,6,123456,7", "RBE2,32,3,123456,8", "SPC1,1,123456,1", "ENDDATA"]
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("seed", range(6))
 def test_displacement_systems_change_no_frequency(tmp_path: Path, seed: int) -> None:
     # orientation vectors and offsets are given in the displacement systems: sections are round, bars have no offsets

@@ -99,6 +99,7 @@ def curved(n: int, across: int = 1) -> ShellMesh:
     )
 
 
+@pytest.mark.slow
 def test_curved_beam():
     """A quarter ring R 4.22, .2 high and .1 wide, whose integrals of bending, torsion, shear and tension are closed.
 
@@ -124,7 +125,7 @@ def twisted(nu: int, nv: int) -> ShellMesh:
     )
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(
     ("t", "total", "exact", "coarse"),
     [
@@ -187,6 +188,7 @@ def hemisphere(n: int) -> float:
     return float(u[a, 0] / 0.0940)
 
 
+@pytest.mark.slow
 def test_hemisphere_with_a_hole():
     """Inextensional bending of warped elements; fine meshes reach .0934, .994 of the customary value."""
     errors = np.array([hemisphere(n) / 0.994 - 1.0 for n in (8, 16)])

@@ -62,7 +62,7 @@ def plate_errors(n: int, cells: str, section: Section, exact: np.ndarray, suppor
     return natural_frequencies(structure, len(exact)) / exact - 1.0
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("t", [0.1, 0.01, 0.0001])
 @pytest.mark.parametrize(("cells", "distort"), [("right", 0.0), ("union", 0.3)])
 def test_plates_of_every_thickness_are_alike(t: float, cells: str, distort: float):
@@ -115,6 +115,7 @@ def test_soft_cores_keep_their_shear_flexibility(factor: float):
     np.testing.assert_allclose(orders(errors), 2.0, atol=0.25)
 
 
+@pytest.mark.slow
 def test_plates_rigid_in_shear_are_kirchhoff_plates():
     """Shear stiffness without bound is a finite number here: what a PSHELL without MID3 asks for."""
     k2 = np.pi**2 * np.array([2.0, 5.0, 5.0, 8.0, 10.0, 10.0])
@@ -199,6 +200,7 @@ def edge_load(mesh: ShellMesh, component: int) -> np.ndarray:
     return force
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "tolerance"), [(8, 0.12), (16, 0.035)])
 def test_cylindrical_roof(n: int, tolerance: float):
     """Scordelis and Lo: R 25, L 50, t .25, 40° each side, 90 an area downwards: .3024 at the free edge's middle."""

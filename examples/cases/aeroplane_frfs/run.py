@@ -64,7 +64,7 @@ class Calibrated:
     @property
     def held_out(self) -> list[ChannelDeviation]:
         """Outputs that were not used, without the bad one."""
-        return [c for c in self._channels("validation") if c.output != BAD]
+        return [c for c in self.all_held_out if c.output != BAD]
 
     @property
     def all_held_out(self) -> list[ChannelDeviation]:

@@ -109,7 +109,7 @@ def _gathered(
     try:
         for future in distributed.as_completed(futures, loop=client.loop):
             at = place[future.key]
-            kind, value = _answer_of(distributed, future)
+            kind, value = answer_of(distributed, future)
             if kind != "done":
                 raise error_of(kind, value, name, at)
             results[at] = value
@@ -121,7 +121,8 @@ def _gathered(
     return [results[i] for i in range(len(futures))]
 
 
-def _answer_of(distributed: Any, future: Any) -> tuple[str, Any]:
+def answer_of(distributed: Any, future: Any) -> tuple[str, Any]:
+    """What came of a run on the cluster: the kind of answer, and its value."""
     try:
         kind, value = pickle.loads(future.result())
     except distributed.KilledWorker:

@@ -61,7 +61,7 @@ def strain_free(structure: Structure) -> int:
     return int((values < 1e-11 * values[-1]).sum())
 
 
-@pytest.mark.quick(6)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 @pytest.mark.parametrize("surface", SURFACES)
 @pytest.mark.parametrize(("material", "z0", "t"), [(ISO, None, 0.1), (ANISO, 0.1, 0.1), (ISO, -0.3, 0.001)])
@@ -109,6 +109,7 @@ def test_a_quadrilateral_beside_one_with_fewer_nodes_fits():
     np.testing.assert_allclose(force[inner, 0], 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 def test_displacement_frames_only_rename(cells):
     xyz, cell = element("warped", cells)
@@ -304,7 +305,7 @@ def test_flat_and_curved_shells_share_their_normals():
     np.testing.assert_allclose(two[5], [-np.sin(fold), 0.0, np.cos(fold)], atol=1e-12)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 @pytest.mark.parametrize("material", [ISO, ANISO, Anisotropic({"11": 5.0, "12": 1.0}, {"11": 1.0})])
 @pytest.mark.parametrize("z0", [None, 0.12])

@@ -215,6 +215,7 @@ def test_without_any_middle_a_solid_has_the_corners_shape_functions(kind: str) -
     np.testing.assert_allclose(found[np.ix_(at, at)], wanted, atol=1e-12 * wanted.max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_missing_middle_is_a_middle_that_follows_its_ends(kind: str) -> None:
     shape, xyz = SHAPES[kind], curved(kind)

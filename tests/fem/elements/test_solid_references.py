@@ -183,6 +183,7 @@ def test_bending_of_nafems_fv52(kind: str, counts: tuple[int, int, int], within:
     np.testing.assert_allclose(bending, FV52[:4], rtol=within)
 
 
+@pytest.mark.slow
 def test_stretching_of_nafems_fv52() -> None:
     """The fifth reference is a mode in the plane, which only the soft support leaves."""
     assert fv52("hexa20", (8, 8, 1), hard=False)[4] == pytest.approx(FV52[4], rel=1e-3)

@@ -167,6 +167,7 @@ def test_inputs_of_other_programs_are_told(tmp_path: Path, text: str, suffix: st
     assert "[[matrix]]" in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["EIGRL,1,,,250000", "EIGR,1,LAN,,,,250000", "EIGRL,1,,1.+30", "EIGRL,1,,,-4"])
 def test_more_modes_than_there_can_be(tmp_path: Path, method: str) -> None:
     path = tmp_path / "deck.bdf"

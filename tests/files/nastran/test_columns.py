@@ -93,7 +93,7 @@ def write(folder: Path, files: dict[str, bytes]) -> Path:
     return folder / "deck.bdf"
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("name", DECKS)
 def test_whole_decks(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path, {n: text.encode("latin-1") for n, text in DECKS[name].items()})

@@ -140,7 +140,7 @@ def _free(fields: list[str]) -> str:
     return "".join(h + "," + ",".join(row) + "\n" for h, row in zip(["PBAR", *[""] * len(rows)], rows))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("layout", [_small, _free])
 @pytest.mark.parametrize("wide", [False, True])
 @given(fields=CARDS, index=st.integers(0, 25), value=st.floats(-1e9, 1e9))

@@ -192,7 +192,7 @@ def test_a_mass_on_an_rbe3_is_the_mass_spread_over_its_points(deck_of: DeckOf) -
     assert np.abs(values[:-3]).max() < 1e-10
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(
     "rigid",
     [

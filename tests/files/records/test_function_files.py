@@ -196,6 +196,7 @@ def test_a_dataset_that_inflates_to_gigabytes_is_not_read(tmp_path):
         read_record(tmp_path / "bomb.h5", sampling_hz=1.0)
 
 
+@pytest.mark.slow
 def test_a_table_of_300000_columns_is_a_transposed_one(tmp_path):
     (tmp_path / "wide.csv").write_text((",".join(["1"] * 300_000) + "\n") * 2)
     with pytest.raises(FemtuneError, match="300000 columns") as caught:

@@ -183,6 +183,7 @@ def test_ascii_and_binary_are_the_same_record(shared_data):
     assert ascii_.values == pytest.approx(binary.values, rel=1e-5, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_universal_file_without_time_records_says_so(shared_data):
     with pytest.raises(FemtuneError, match="no time records"):
         read_record(shared_data / "garteur" / "frf_1995.unv")

@@ -111,7 +111,7 @@ def cuts(data: bytes) -> Iterator[int]:
     yield from range(len(data) - 20, len(data))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 def test_cut_anywhere(good: bytes, tmp_path: Path) -> None:
     full = read(tmp_path / "a.uff", good)
     assert isinstance(full, UffContent)
@@ -139,7 +139,7 @@ def test_cut_inside_a_record_says_where(tmp_path: Path) -> None:
     assert error.where.record == "data set 55"
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 def test_a_lost_line_is_noticed(good: bytes, tmp_path: Path) -> None:
     """Each single line taken out of an ASCII file: an error, or the numbers as they were (ID lines, names)."""
     if b"58b" in good:

@@ -353,6 +353,7 @@ def test_empty_and_overlapping_components_are_refused() -> None:
     check_shown("reduce.components-overlap", error.value)
 
 
+@pytest.mark.slow
 def test_an_order_above_the_limit_is_refused() -> None:
     plate, components = _plate(2)
     trainer = _trainer(plate, components)

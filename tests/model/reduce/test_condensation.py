@@ -202,6 +202,7 @@ LISTED_COMPONENTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", [0, 1, 2, 3])
 def test_superelements_of_the_listed_cantilever(shared_data: Path, tmp_path: Path, modes: int) -> None:
     folder = shared_data / "nastran_decks/cantilever_bar_reduction"

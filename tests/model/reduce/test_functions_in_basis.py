@@ -78,7 +78,7 @@ def in_basis(
     return reduced_functions(modes, on, 2j * np.pi * lines, damped, damping, left_out=left_out)
 
 
-@pytest.mark.quick(2, gate=20)
+@pytest.mark.quick(0, gate=20)
 @pytest.mark.parametrize("damped", DAMPED)
 @pytest.mark.parametrize("modal", MODAL)
 @pytest.mark.parametrize("x", [REPEATED, APART], ids=["repeated", "apart"])
@@ -96,7 +96,7 @@ def test_on_a_basis_of_all_motions_they_are_those_of_the_full_model(
     np.testing.assert_allclose(found.gradient, gradient, atol=1e-10 * np.abs(gradient).max())
 
 
-@pytest.mark.quick(2, gate=12)
+@pytest.mark.quick(0, gate=12)
 @pytest.mark.parametrize("damped", DAMPED)
 @pytest.mark.parametrize("modal", MODAL)
 @pytest.mark.parametrize("left_out", [(0,), (1, 3)])
@@ -137,6 +137,7 @@ def test_derivatives_of_damping_are_those_of_a_function_of_the_matrix(x: NDArray
         np.testing.assert_allclose(found @ direction, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max())
 
 
+@pytest.mark.slow
 def test_far_modes_are_interpolated_over_many_lines() -> None:
     """Lines below half of most natural frequencies, so that the far modes are most of the model."""
     model, lines = ring(), np.geomspace(0.05, 0.3, 60)

@@ -93,6 +93,7 @@ def test_ranked_candidates_need_no_estimates(plate: ConfiguredModel, monkeypatch
         assert error.max() < 1e-3
 
 
+@pytest.mark.slow
 def test_ranked_candidates_are_solved_once_each(plate: ConfiguredModel) -> None:
     """All candidates are used up before the limit of solutions is."""
     few = Trainer(plate, replace(RULES, ranked=True, inner=2, corners=0, tolerance=1e-12))
@@ -158,6 +159,7 @@ def test_static_shapes_of_inputs_are_exact(plate: ConfiguredModel, trainer: Trai
     np.testing.assert_allclose(small, exact, atol=1e-9 * np.abs(exact).max())
 
 
+@pytest.mark.slow
 def test_training_goes_on_from_a_file(
     plate: ConfiguredModel, trainer: Trainer, told: list[Trained], tmp_path: Path
 ) -> None:

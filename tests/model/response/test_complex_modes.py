@@ -202,6 +202,7 @@ def _dense_mode(model: ConfiguredModel, x: NDArray, pole: complex, shape: NDArra
     return poles[j], v * np.sign((v @ shape.conj()).real)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", range(4))
 def test_derivatives_by_complex_difference(mode: int) -> None:
     model, h = _model(), 1e-6

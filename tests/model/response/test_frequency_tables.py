@@ -110,7 +110,7 @@ def test_factors_are_linear_between_and_constant_outside():
         np.testing.assert_allclose(MODULUS.at(f), (value, slope))
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("freq_hz", [0.0, 3.3, 20.0])
 def test_matrices_are_those_of_the_values(freq_hz: float):
     found = model((MODULUS, LOSSES, DAMPER), ALL).at(X).at_frequency(freq_hz)
@@ -318,7 +318,7 @@ def test_a_modulus_that_rises_too_steeply_has_no_mode_of_its_own():
     check_shown("table.own-frequency", caught.value)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_residuals_of_modes_at_their_own_frequency():
     """Frequencies and shapes: zero at the truth, and Jacobians that contain the change of stiffness with frequency."""
     configured = model((MODULUS, LOSSES), {"k": ("K", 2), "m": ("M", 3), "other": ("K", 3)})

@@ -51,6 +51,7 @@ def test_one_mass(method: FrfMethod, kind: FrfKind, what: str) -> None:
     np.testing.assert_allclose(found, exact, rtol=1e-10, atol=1e-18)
 
 
+@pytest.mark.slow
 @every_way
 def test_two_masses_with_a_dashpot_on_one_of_them(method: FrfMethod) -> None:
     """H21 = k₂ / ((z₁ + k₂)(z₂ + k₂) − k₂²), written out; the damping couples the modes strongly."""

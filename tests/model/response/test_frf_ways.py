@@ -58,7 +58,7 @@ def _modal_matrix(at: ModelPoint, damping: DampingRatios | None, freq_hz: NDArra
     return np.einsum("ir,rk,jr->ijk", half, rate[:, None] * over, half)
 
 
-@pytest.mark.quick(2, gate=16)
+@pytest.mark.quick(0, gate=16)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("method", METHODS)
 def test_all_modes_give_the_inverse_of_the_dynamic_stiffness(case: str, method: str) -> None:
@@ -130,6 +130,7 @@ def _errors(
     return float((np.linalg.norm(found.values - exact, axis=-1) / np.linalg.norm(exact, axis=-1)).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS[1:])
 @pytest.mark.parametrize("consistent", [True, False])
 def test_residual_vectors_make_the_static_response_exact(method: str, consistent: bool) -> None:

@@ -42,7 +42,7 @@ def _terms(model: ConfiguredModel, ports: Ports, x: NDArray, members: list[int],
     return np.moveaxis(np.array(out), 0, -1)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("members", [[1], [1, 2], [0, 3]])
 @pytest.mark.parametrize("zeta", [0.0, ZETA])

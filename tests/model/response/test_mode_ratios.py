@@ -61,6 +61,7 @@ def test_derivatives_by_four_point_differences(method: FrfMethod, damping: objec
         assert np.abs(found.gradient[..., i] - exact).max() <= 1e-7 * np.abs(exact).max()
 
 
+@pytest.mark.slow
 @every_way
 def test_they_are_the_ratios_of_a_list(method: FrfMethod) -> None:
     configured = model(RATIOS)

@@ -36,6 +36,7 @@ def test_residual_vectors_at_the_shift_serve_as_well_as_static_ones(
     assert np.abs(found / exact - 1.0).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_the_direct_way_is_the_direct_solution(chain: ConfiguredModel, solved: EigenSolution) -> None:
     ports = make_ports(chain, ["3X+"], ["11X+"])
     found = survey_functions(solved, ports, LINES, "mobility", "direct", damping=DAMPING)

@@ -27,7 +27,7 @@ def _error(found: NDArray, exact: NDArray) -> float:
     return float((np.abs(found - exact) / size).max())
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("method", ["real-modes", "complex-modes"])
 def test_the_error_is_below_the_stated_one(case: str, method: FrfMethod) -> None:
@@ -50,6 +50,7 @@ def test_the_error_is_below_the_stated_one(case: str, method: FrfMethod) -> None
     assert 0.1 * before < few.error <= before * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_too_few_modes_have_an_error_that_is_known() -> None:
     at = beam(20, clamped=True)
     lines, damping = np.linspace(5.0, 500.0, 40), constant_damping(0.01)

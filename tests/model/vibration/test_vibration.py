@@ -143,7 +143,7 @@ def test_one_degree_of_freedom_is_miles_equation(ratio: float) -> None:
 LEVEL = Spectrum([10.0, 20.0, 40.0, 60.0, 200.0], [0.01, 0.04, 0.04, 0.2, 0.003])  # type: ignore[arg-type]
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("transfer", [driven(CLOSE, 0.03), shaken(HUNG, 0.01), driven(CLOSE, 0.03, "displacement")])
 def test_the_root_mean_square_is_that_of_quadrature(transfer: ModalTransfer) -> None:
     found = response_rms(transfer, [LEVEL])
