@@ -21,9 +21,14 @@ STIFF = 1e4 * (2.0 * np.eye(5) - np.eye(5, k=1) - np.eye(5, k=-1))
 
 def chain(added: float = 0.0, softer: float = 0.0, sd: float | None = None) -> ModeSet:
     """Modes of unit norm with masses on all DOFs, and a softer first spring."""
+    return chain_with(added * np.eye(5), softer, sd)
+
+
+def chain_with(added: np.ndarray, softer: float = 0.0, sd: float | None = None) -> ModeSet:
+    """The same with a matrix of masses."""
     stiff = STIFF.copy()
     stiff[0, 0] -= softer * 1e4
-    values, shapes = eigh(stiff, MASS + added * np.eye(5))
+    values, shapes = eigh(stiff, MASS + added)
     hz = np.sqrt(values) / (2.0 * np.pi)
     sds = None if sd is None else sd * hz
     return ModeSet(hz, shapes / np.linalg.norm(shapes, axis=0), DOFS, normalisation="unit-norm", freq_sd_hz=sds)
@@ -48,6 +53,23 @@ def test_the_stated_error_of_the_scale_is_that_of_repeated_records() -> None:
         drawn = [replace(m, freq_hz=m.freq_hz * (1.0 + 1e-4 * rng.standard_normal(5))) for m in (before, after)]
         scales.append(scale_by_masses(*drawn, dict.fromkeys(DOFS, 0.1)).modes.shapes[0] / exact.modes.shapes[0])
     assert np.std(scales, axis=0) == pytest.approx(exact.scale_sd, rel=0.15)
+
+
+def test_the_phase_of_a_complex_shape_and_entries_that_were_not_measured() -> None:
+    before, masses = chain(), dict.fromkeys(list(DOFS)[1:], 0.02)
+    after = chain_with(np.diag([0.0, 0.02, 0.02, 0.02, 0.02]))
+    plain = scale_by_masses(before, after, masses).modes.shapes
+    turned = replace(after, shapes=after.shapes * np.exp(0.7j))
+    assert np.abs(scale_by_masses(before, turned, masses).modes.shapes) == pytest.approx(np.abs(plain))
+    holes = before.shapes.copy()
+    holes[0] = np.nan  # without an added mass
+    assert np.abs(scale_by_masses(replace(before, shapes=holes), after, masses).modes.shapes[1:]) == pytest.approx(
+        np.abs(plain[1:]), rel=0.02
+    )
+    holes[1, 2] = np.nan  # with one
+    told = scale_by_masses(replace(before, shapes=holes), after, masses).notices
+    assert [(n.code, f"{before.freq_hz[2]:.4g} Hz" in n.what) for n in told] == [("identify.added-mass", True)]
+    assert "was not measured" in told[0].what
 
 
 def test_modes_that_masses_do_not_shift_are_named() -> None:

@@ -77,6 +77,15 @@ def test_a_parameter_at_its_bound_is_no_missing_one() -> None:
     assert "is not a parameter" not in one.sentence
 
 
+def test_the_probability_is_that_of_the_field_that_is_named() -> None:
+    """Another one may be rarer by chance, and explain less by a change inside its usual range."""
+    first, rarer = _field(p_value=0.033, refit=None), _field(field="PBAR 9 J", p_value=0.018, refit=None)
+    (one,) = _found(0.018, first, rarer)
+    assert one.place == first.name
+    assert "p = 0.033" in one.sentence
+    assert "0.018" not in one.sentence
+
+
 def test_a_prior_that_contradicts_the_data_is_named_instead() -> None:
     """Without it nothing may be missing, so that a refit that keeps it confirms nothing."""
     parts = PartsResults(parts=(), neighbours=(), kinds=(), only_prior=True)

@@ -18,6 +18,7 @@ from femtune.arrays import Integers, Reals
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice
 from femtune.modal import ModeSet, mac
+from femtune.modal.subspace import mostly_real
 
 SAME_MODE = 0.9
 """MAC of the modes of the two records from which they are the same one: the masses must hardly change a shape."""
@@ -50,7 +51,8 @@ def scale_by_masses(before: ModeSet, after: ModeSet, masses: Mapping[Dof, float]
 
     Parameters
     ----------
-    before, after : modes without and with the masses, with real shapes; modes of the same shape belong together
+    before, after : modes without and with the masses; modes of the same shape belong together. Complex shapes are
+        turned to the phase with the largest real part, which is taken
     masses : mass at each DOF in which it moves; a mass that moves in two measured directions is given at both DOFs
 
     Raises
@@ -87,18 +89,22 @@ def scale_by_masses(before: ModeSet, after: ModeSet, masses: Mapping[Dof, float]
         if hz - loaded <= KNOWN_SHIFT * float(np.hypot(errors[0], errors[1])):
             notices.append(Notice("identify.added-mass/no-shift", frequency_hz=hz, loaded_hz=loaded))
             continue
-        own, other = first[:, i], second[:, k]
-        other = other * (own @ other) / (other @ other)
+        known = np.isfinite(first[:, i]) & np.isfinite(second[:, k])
+        if weights[~known].any():
+            notices.append(Notice("identify.added-mass/not-seen", frequency_hz=hz))
+            continue
+        shape, other = first[known, i], second[known, k]
+        other = other * (shape @ other) / (other @ other)
         change = hz**2 - loaded**2
-        modal_mass = loaded**2 * float(own @ (weights * other)) / change
+        modal_mass = loaded**2 * float(shape @ (weights[known] * other)) / change
         if modal_mass <= 0.0:
             notices.append(Notice("identify.added-mass/no-shift", frequency_hz=hz, loaded_hz=loaded))
             continue
         # φ = ψ/√m: half the relative error of m
         sd = float(np.hypot(hz * errors[0] / change, loaded * errors[1] * (1.0 / loaded**2 + 1.0 / change)))
-        known = before.freq_sd_hz is not None and after.freq_sd_hz is not None
+        stated = before.freq_sd_hz is not None and after.freq_sd_hz is not None
         kept.append(i)
-        pairs.append((modal_mass, sd if known else float("nan"), loaded / hz - 1.0, float(alike[i, k])))
+        pairs.append((modal_mass, sd if stated else float("nan"), loaded / hz - 1.0, float(alike[i, k])))
     if not kept:
         raise FemtuneError("identify.added-mass/none", values={"modes": len(before), "with masses": len(after)})
     mass, scale_sd, shift, same = np.array(pairs).T
@@ -117,12 +123,12 @@ def _weights(shared: DofSet, masses: Mapping[Dof, float]) -> Reals:
 
 def _shapes(modes: ModeSet, shared: DofSet) -> Reals:
     at, signs = shared.align(modes.dofs)
-    return np.asarray(signs[:, None] * modes.shapes[at].real)
+    return signs[:, None] * np.column_stack([mostly_real(shape) for shape in modes.shapes[at].T])
 
 
 def _scaled(modes: ModeSet, kept: Integers, mass: Reals, scale_sd: Reals) -> ModeSet:
     own = modes.select_modes(kept.tolist())
-    shapes = own.shapes.real / np.sqrt(mass)
+    shapes = np.column_stack([mostly_real(shape) for shape in own.shapes.T]) / np.sqrt(mass)
     deviations = None
     if own.shapes_sd is not None and np.isfinite(scale_sd).all():
         deviations = np.hypot(own.shapes_sd / np.sqrt(mass), shapes * scale_sd)

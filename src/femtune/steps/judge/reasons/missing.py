@@ -28,7 +28,7 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
     first = missing.fields[0]
     if first.what == PARAMETER:
         yield reason(
-            "reservation", "judge.missing/beyond-bound", first.name, field=first.field, chance=chance(missing),
+            "reservation", "judge.missing/beyond-bound", first.name, field=first.field, chance=chance(first.p_value),
             tested=_tested(missing),
         )  # fmt: skip
     elif results.judgement and results.judgement.parts and results.judgement.parts.only_prior:
@@ -48,7 +48,9 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
             before=f"{missing.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
         )  # fmt: skip
     elif first.share < _PLAUSIBLE_SHARE:
-        yield reason("reservation", "judge.missing/implausible", chance=chance(missing), tested=_tested(missing))
+        yield reason(
+            "reservation", "judge.missing/implausible", chance=chance(missing.p_value), tested=_tested(missing)
+        )
     else:
         yield _suspected(missing, first)
 
@@ -57,7 +59,7 @@ def _suspected(found: MissingResults, first: MissingField) -> ReasonRecord:
     """A field without a refit that confirms it."""
     return reason(
         "reservation", "judge.missing/suspected", first.name,
-        name=first.name, field=_named(first), chance=chance(found), tested=_tested(found),
+        name=first.name, field=_named(first), chance=chance(first.p_value), tested=_tested(found),
     )  # fmt: skip
 
 
@@ -73,7 +75,7 @@ def _of_mass(found: MissingResults, first: MissingField, largest: float) -> Reas
         )  # fmt: skip
     return reason(
         "reservation", "judge.missing/mass-suspected", first.name, position=place, spot=first.place,
-        chance=chance(found), tested=_tested(found),
+        chance=chance(first.p_value), tested=_tested(found),
     )  # fmt: skip
 
 
@@ -90,7 +92,7 @@ def _of_support(found: MissingResults, first: MissingField, least: float) -> Rea
         )  # fmt: skip
     return reason(
         "reservation", "judge.missing/support-suspected", first.name, position=place, spot=first.place,
-        chance=chance(found), tested=_tested(found),
+        chance=chance(first.p_value), tested=_tested(found),
     )  # fmt: skip
 
 
@@ -106,9 +108,9 @@ def confirmed(found: MissingResults, field: MissingField) -> bool:
     )
 
 
-def chance(found: MissingResults) -> str:
+def chance(p_value: float) -> str:
     """The probability of such a finding where nothing is missing: "p = 0.02"."""
-    return "" if found.p_value is None else f"p = {short(found.p_value)}"
+    return f"p = {short(p_value)}"
 
 
 def _tested(found: MissingResults) -> str:

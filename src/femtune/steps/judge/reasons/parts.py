@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from femtune.document.numbers import listed
-from femtune.steps.judge.record.parts import LEAST_SHARE, NOT_ACCEPTED, RESERVED, SHARE_OF_PARTS, chance_words
+from femtune.steps.judge.record.parts import LEAST_SHARE, NOT_ACCEPTED, RESERVED, chance_words
 from femtune.steps.judge.record.reason import reason
 
 if TYPE_CHECKING:
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from femtune.steps.judge.record.reason import ReasonRecord, Weight
     from femtune.steps.results import Results
     from femtune.steps.update.record.update import ResidualCount
-    from femtune.steps.validate.record.validation import GoodnessResults
 
 _LEAST_TIMES = 1.5
 """Ratio of stated and actual standard deviation up to which the stated one is not called too large: deviations are
@@ -31,18 +30,12 @@ def parts_reasons(results: Results) -> Iterable[ReasonRecord]:
     yield from misfit
     # the size of errors that are assumptions has a reason of its own
     stated = any(not kind.assumed for kind in parts.kinds) or not parts.kinds
-    if stated and not misfit and goodness is not None and goodness.verdict == "fail" and _certain(goodness):
+    if stated and not misfit and goodness is not None and goodness.verdict == "fail":
         yield reason("reservation", "judge.misfit/whole", outcome=goodness.sentence)
     if parts.untested:
         yield _of_untested(parts.untested, () if results.update is None else results.update.residual_counts)
     for kind in parts.kinds:
         yield from _of_errors(kind)
-
-
-def _certain(goodness: GoodnessResults) -> bool:
-    """Whether all residuals together fail although no part does, which allows for the number of tests."""
-    found = (goodness.p_value, goodness.runs_p_value, goodness.held_p_value)
-    return min((p for p in found if p is not None), default=0.0) < NOT_ACCEPTED * SHARE_OF_PARTS
 
 
 def _of_untested(untested: Sequence[UntestedKind], counts: Sequence[ResidualCount]) -> ReasonRecord:

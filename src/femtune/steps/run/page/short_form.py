@@ -60,8 +60,8 @@ def _starts(source: ReportSource) -> list[Block]:
 
 
 def _bootstrap(source: ReportSource) -> list[Block]:
-    found = source.results.bootstrap
-    return [] if found is None else [Listing(found.sentences), parameter_table(found)]
+    bootstrap = source.results.bootstrap
+    return [] if bootstrap is None else [Listing(bootstrap.sentences), parameter_table(bootstrap)]
 
 
 def _specimens(source: ReportSource) -> list[Block]:
