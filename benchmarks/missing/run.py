@@ -126,10 +126,12 @@ def summary(trials: list[Trial]) -> Mapping[str, Mapping[str, float]]:
     found = [t for t in harmful if t.p < 0.05]
     named = [t for t in found if t.named]
     return {
-        "right, p < .05": rate(sum(t.p < 0.05 for t in right), len(right)),
-        "right, p < .01": rate(sum(t.p < 0.01 for t in right), len(right)),
-        "harmful, p < .05": rate(len(found), len(harmful)),
-        "harmful, p < .01 and refit p < .01": rate(sum(t.p < 0.01 and t.p_refit < 0.01 for t in harmful), len(harmful)),
+        "right, p < 0.05": rate(sum(t.p < 0.05 for t in right), len(right)),
+        "right, p < 0.01": rate(sum(t.p < 0.01 for t in right), len(right)),
+        "harmful, p < 0.05": rate(len(found), len(harmful)),
+        "harmful, p < 0.01 and refit p < 0.01": rate(
+            sum(t.p < 0.01 and t.p_refit < 0.01 for t in harmful), len(harmful)
+        ),
         "harmful, culprit or look-alike first": rate(sum(t.place == 1 for t in found), len(found)),
         "harmful, culprit or look-alike in first three": rate(sum(1 <= t.place <= 3 for t in found), len(found)),
         "harmful, culprit itself first": rate(sum(t.named == 1 for t in found), len(found)),

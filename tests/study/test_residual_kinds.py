@@ -92,7 +92,7 @@ upper = 5.0
     ("kind", "tail"), [("complex-eigenvalue", ""), ("damping", ""), ("complex-eigenvalue", "[reduction]\n")]
 )
 def test_kinds_of_poles(kind: str, tail: str, bench: Bench):
-    """A loss factor η of the whole beam: λ = iω√(1 + iη) for every mode; the deck has η = .01, the beam .03."""
+    """A loss factor η of the whole beam: λ = iω√(1 + iη) for every mode; the deck has η = 0.01, the beam 0.03."""
     bench.write("beam.bdf", CANTILEVER.replace(PLAIN, DAMPED))
     test = bench.measure(bench.truth())
     assert test.modes is not None
@@ -181,7 +181,7 @@ def test_a_study_without_any_mode(bench: Bench):
     assert "no modes; static displacement, mass, centre of gravity and inertia" in html
     assert "All residuals" in html
     (pull,) = [c for c in update.comparisons if c.kind == "static displacement"]
-    # three displacements beside the largest: the stiffer root is 1.3, the softer tip .85 times the deck's
+    # three displacements beside the largest: the stiffer root is 1.3, the softer tip 0.85 times the deck's
     start = displacements(bench.folder / "beam.bdf")
     true = displacements(truth)
     rms = 100.0 * np.sqrt(np.mean((start - true) ** 2)) / np.abs(true).max()

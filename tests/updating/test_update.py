@@ -258,7 +258,7 @@ def linear_problem() -> UpdateProblem:
 
 
 def test_minimum_change_by_hand():
-    """min ((x − .2)/.12)² + μ²x²."""
+    """min ((x − 0.2)/.12)² + μ²x²."""
     result = update(linear_problem(), SensitivityMethod(regularisation=MinimumChange(4.0)))
     s = 1 / 0.12
     assert result.x[0] == pytest.approx(0.2 * s**2 / (s**2 + 16.0), rel=1e-6)

@@ -128,6 +128,5 @@ def _colour(value: float, picture: MatrixPicture) -> str:
 
 
 def _digits(value: float) -> str:
-    """Two decimals without the leading zero."""
-    text = typeset(f"{value:.2f}" if abs(value) < 9.995 else f"{value:.0f}")
-    return text.replace("0.", ".", 1) if text.lstrip("−").startswith("0.") else text
+    """Two decimals, or none of values of two digits and more."""
+    return typeset(f"{value:.2f}" if abs(value) < 9.995 else f"{value:.0f}")
