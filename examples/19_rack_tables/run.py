@@ -123,8 +123,8 @@ def _search(main: Predicted, found: SurrogateMinimum) -> list[str]:
         "## The minimum", "",
         "Sum of the squared relative errors of six frequencies, on the surrogate of the recipe, within the bounds of "
         "the source: a genetic algorithm with its population of 100, crossover of 0.8 and mutation of 0.005, followed "
-        f"by bounded least squares. {found.same} of {len(found.searches)} seeds end at the same minimum. Moduli in GPa, "
-        "densities in kg/m³.", "",
+        f"by bounded least squares. {found.same} of {len(found.searches)} seeds end at the same minimum. Moduli in "
+        "GPa, densities in kg/m³.", "",
         "| | X1 | X2 | X3 | X5 | objective | errors of the six frequencies in % |", "| --- " * 7 + "|",
     ]  # fmt: skip
     for name, x in rows.items():

@@ -52,7 +52,7 @@ def tip(mesh: ShellMesh, section: Section, component: int, total: float = 1.0, d
 
 
 def straight(shape: str, finer: int = 1) -> ShellMesh:
-    """Beam 6 × 0.2 of six rectangles, trapezoids or parallelograms with sides at 45 degrees, each divided by `finer`."""
+    """Beam 6 × 0.2 of six rectangles, trapezoids or parallelograms (sides at 45 degrees), each divided by `finer`."""
     x, low, high = np.arange(7.0), np.arange(7.0), np.arange(7.0)
     inner = np.arange(1, 6)
     if shape == "trapezoid":

@@ -429,7 +429,7 @@ def _build(
 
 
 def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> tuple[Notice, ...]:
-    """One notice of the first sensor with several equally near nodes, with the number of the others."""
+    """One notice of the first sensor that is equally close to several nodes, with the number of the others."""
     place = {(s.label.node, s.label.direction): s.position for s in sensors}
     ties_of_nodes: dict[int, Near] = {}
     for match in matches:
@@ -440,7 +440,7 @@ def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request
         return ()
     test_node, near = ties[0]
     others = ", ".join(map(str, near.others[:_LISTED]))
-    more = f"; so are several grid points to {len(ties) - 1} more test nodes" if len(ties) > 1 else ""
+    more = f"; {len(ties) - 1} more test nodes are equally close to several grid points" if len(ties) > 1 else ""
     return (Notice("sensor.tie", node=near.node, others=others, test_node=test_node, more=more),)
 
 

@@ -547,7 +547,8 @@ class _Draft:
         held = structure.default_support_set
         if self.rigid:
             self.supports = (
-                f"the model has {self.rigid} rigid-body modes, which are not compared: the test must be free likewise"
+                f"the model has {self.rigid} rigid-body modes, which are not compared, so the test must also be "
+                "free-free"
             )
         else:
             self.supports = "the deck holds the structure"
@@ -837,11 +838,13 @@ def _agreement(pairing: Pairing, test: ModeSet, model: ModeSet) -> str:
         return f"no test mode of {len(test)} is paired."
     errors = [100.0 * (model.freq_hz[p.model] / test.freq_hz[p.test] - 1.0) for p in pairs]
     macs = [p.mac for p in pairs if np.isfinite(p.mac)]
-    of_shapes = f"MAC {min(macs):.2f} to {max(macs):.2f}" if macs else "no MAC without shapes"
+    of_shapes = f"MAC {_range(macs, '.2f')}" if macs else "no MAC without shapes"
     count = pairing.suspension_count
     suspension = f", and {count} of the suspension {'are' if count > 1 else 'is'} set apart" if count else ""
-    return (
-        f"{len(pairs)} of {len(test) - count} test modes are paired{suspension}; errors of the "
-        f"frequencies {min(errors):+.2g} to {max(errors):+.2g} %, "
-        f"{of_shapes}."
-    )
+    paired = f"{len(pairs)} of {len(test) - count} test modes are paired{suspension}"
+    return f"{paired}; frequency errors {_range(errors, '+.2g')} %, {of_shapes}."
+
+
+def _range(values: list[float], form: str) -> str:
+    """The smallest and the largest value; one number if both look alike."""
+    return " to ".join(dict.fromkeys(f"{end:{form}}" for end in (min(values), max(values))))
