@@ -80,9 +80,11 @@ _MOST_UNPROPOSED = 15
 """Candidates that are not proposed and still listed one by one, so that the study stays short."""
 
 
-_LEAST_MAC, _BETTER_BY = 0.6, 0.1
-"""Mean MAC from which mode shapes decide where the test points are, and by how much it must be larger than with the
-others. Noise and errors of the model change a mean over several modes by less."""
+_LEAST_MAC = 0.6
+"""Mean MAC from which mode shapes decide where the test points are."""
+_BETTER_BY = 0.1
+"""By how much the mean MAC must be larger than with the other motions: noise and errors of the model change a mean over
+several modes by less."""
 
 
 class ProposedParameter(Record):
