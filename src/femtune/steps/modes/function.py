@@ -58,9 +58,9 @@ def modes(
     ModesResult: baseline: 3 modes: 28.268, 44.695, 201.1 Hz
     >>> found.frequencies
     configuration  mode  freq_hz  rigid_body
-    baseline       1  28.2677          no
-    baseline       2  44.6952          no
-    baseline       3  201.105          no
+    baseline          1  28.2677          no
+    baseline          2  44.6952          no
+    baseline          3  201.105          no
     >>> found.mode_sets["baseline"].shapes.shape
     (30, 3)
     """

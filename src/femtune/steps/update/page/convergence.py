@@ -27,8 +27,8 @@ _MOST_LEFT = 3
 _ENOUGH_STARTS = 2
 """Starts that have to reach a minimum for it to be called the best one."""
 _TRIALS_NOTE = (
-    "With another pairing the update goes on from its end with these pairs held, then with pairs by their MACs. χ² of "
-    "both ends is over the same comparisons: a test mode without a partner is compared with the nearest model mode. "
+    "With another pairing the update continues from its end with these pairs held, then with pairs by their MACs. χ² "
+    "of both ends is over the same comparisons: a test mode without a partner is compared with the nearest model mode. "
     "“Led back”: a start was given up because its steps led back to the best end."
 )
 _POLES_NOTE = (
