@@ -236,7 +236,7 @@ def page(size: Size) -> str:
         "| test | way | bias of f % | scatter of f % | bias of ζ % | scatter of ζ % | worst MAC | missed | extra |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |", *accuracy(size), "",
         "## Time", "",
-        f"Seconds of the processor with one thread, the least of {TURNS} runs in which all take turns, and over "
+        f"Seconds of the processor with one thread, the least of {TURNS} runs in which all take turns, and relative to "
         "those of the first row. All libraries work on the same arrays.", "",
         "| work | way | s | ratio |", "| --- | --- | --- | --- |", *speed(size), "",
     ])  # fmt: skip
