@@ -288,7 +288,8 @@ class StartRules:
     samples: int = 0
 
 
-DEFAULT_METHOD, DEFAULT_RULES = SensitivityMethod(), StartRules()
+DEFAULT_METHOD = SensitivityMethod()
+DEFAULT_RULES = StartRules()
 
 
 @dataclass(frozen=True, eq=False)

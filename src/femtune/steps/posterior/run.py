@@ -60,6 +60,7 @@ _AS_GOOD = 2.0
 """Difference of log likelihood to the lowest of the samples' upper 95 %, up to which another optimum counts: a region
 there has a seventh of the density of the edge of the samples, and may be wider."""
 _LOWER_EDGE = 0.05
+"""Quantile of the log likelihood of the samples that counts as their edge."""
 
 
 def check_posterior(study: Study) -> None:
