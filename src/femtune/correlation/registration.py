@@ -538,13 +538,13 @@ class _Search:
         return placed >= min(n, max(4, int(np.ceil(_LEAST_SHARE * n))))
 
 
-def _ranked(as_they_are: Motion, found: Sequence[Motion], holds: bool) -> tuple[Motion, ...]:
+def _ranked(as_they_are: Motion, motions: Sequence[Motion], holds: bool) -> tuple[Motion, ...]:
     """The preferred motion, and those that are nearly as good."""
-    best = max((one.fit for one in found), default=-np.inf)
+    best = max((one.fit for one in motions), default=-np.inf)
     if holds and as_they_are.fit >= best - _MODEL_AXES:
         return (as_they_are,)
-    right = [one for one in found if not one.is_left_handed]
-    left = [one for one in found if one.is_left_handed]
+    right = [one for one in motions if not one.is_left_handed]
+    left = [one for one in motions if one.is_left_handed]
     best_right = max((one.fit for one in right), default=-np.inf)
     kept = left if left and best - best_right > _LEFT_HANDED else right
     top = max((one.fit for one in kept), default=0.0)
@@ -557,9 +557,9 @@ def _ranked(as_they_are: Motion, found: Sequence[Motion], holds: bool) -> tuple[
     return tuple(near)
 
 
-def _best_of_each_hand(found: Sequence[Motion]) -> list[Motion]:
+def _best_of_each_hand(motions: Sequence[Motion]) -> list[Motion]:
     """The first right-handed and the first left-handed motion; the first of all where there is none."""
-    return [next((one for one in found if one.is_left_handed == hand), found[0]) for hand in (False, True)]
+    return [next((one for one in motions if one.is_left_handed == hand), motions[0]) for hand in (False, True)]
 
 
 def _simplicity(one: Motion) -> float:

@@ -223,10 +223,10 @@ def minimum_sentences(update: UpdateResults) -> list[str]:
     ]
 
 
-def _left(found: MinimumResults) -> str:
-    some = "; ".join(found.left[:_MOST_LEFT])
-    more = f"; and {len(found.left) - _MOST_LEFT} more" if len(found.left) > _MOST_LEFT else ""
-    return f"Other pairings that were not tried: {some}{more}." if found.left else ""
+def _left(minimum: MinimumResults) -> str:
+    some = "; ".join(minimum.left[:_MOST_LEFT])
+    more = f"; and {len(minimum.left) - _MOST_LEFT} more" if len(minimum.left) > _MOST_LEFT else ""
+    return f"Other pairings that were not tried: {some}{more}." if minimum.left else ""
 
 
 def _which_point(update: UpdateResults) -> list[str]:
