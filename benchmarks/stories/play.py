@@ -11,6 +11,7 @@ import shutil
 import signal
 import sqlite3
 import sys
+import threading
 import time
 import traceback
 from collections import Counter
@@ -140,7 +141,10 @@ def _forked(words: list[str], folder: Path, name: str, environment: Mapping[str,
                 code = int(end.code or 0)
             if name == _QUIET:
                 (folder / "modules").write_text("\n".join(sys.modules))
-            # what femtune does at the exit of its process; this one's other exit functions are those of its parent
+            # what is done at the exit of a process; this one's other exit functions are those of its parent
+            for thread in threading.enumerate():
+                if thread is not threading.current_thread() and not thread.daemon:
+                    thread.join()
             end_all()
         except BaseException:
             traceback.print_exc()

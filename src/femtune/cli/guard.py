@@ -300,6 +300,8 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
         if isinstance(fault, OSError) and fault.errno in _NO_SPACE:
             _forget_output()
             _refused(ctx, _disk_full(fault))
+        if isinstance(fault, PermissionError):
+            _refused(ctx, _denied(fault))
         _crashed(ctx, fault)
 
 
@@ -327,6 +329,11 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def _disk_full(fault: OSError) -> FemtuneError:
     where = "a file" if fault.filename is None else str(fault.filename)
     return FemtuneError("run.disk-full", file=where, reason=fault.strerror)
+
+
+def _denied(fault: PermissionError) -> FemtuneError:
+    where = "a file" if fault.filename is None else str(fault.filename)
+    return FemtuneError("run.denied", file=where, reason=fault.strerror)
 
 
 def _out_of_memory(short: MemoryError) -> FemtuneError:
