@@ -22,7 +22,8 @@ MOTION = {
     "grms": G, "g(rms)": G, "m/s² [peak]": 1.0,
 }  # fmt: skip
 FORCES = {
-    "uN": 1e-6,"N": 1.0, "kN": 1e3, "KN": 1e3, "mN": 1e-3, "MN": 1e6, "daN": 10.0, "kgf": G, "kp": G, "lbf": LBF, "LB": LBF,
+    "uN": 1e-6, "N": 1.0, "kN": 1e3, "KN": 1e3, "mN": 1e-3, "MN": 1e6, "daN": 10.0, "kgf": G, "kp": G,
+    "lbf": LBF, "LB": LBF,
     "kip": 1e3 * LBF, "ozf": LBF / 16, "dyn": 1e-5, "tonf": 1e3 * G, "klbf": 1e3 * LBF, "N-rms": 1.0}  # fmt: skip
 RATIOS = {
     "g/N": (G, "accelerance"), "G/LBF": (G / LBF, "accelerance"), "m/s^2/N": (1.0, "accelerance"),
