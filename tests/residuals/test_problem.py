@@ -164,6 +164,29 @@ def test_tracking_keeps_the_motion():
     assert problem.pair_again(there) is there
 
 
+def test_states_of_another_model_are_paired_as_an_evaluation():
+    problem = problem_of(chain_case(), FORMS["frequency"])
+    end = problem.start(np.zeros(3))
+    first, second, third = end.states[0].groups
+    (fresh,) = problem.solved(np.zeros(3))
+    # what a fresh pairing would drop stays
+    (kept,) = problem.paired_as(end, [fresh.with_groups((first, second))])
+    assert kept.groups == (first, second, third)
+    # another partner counts, unless a test mode would lose its own
+    swapped = ((0,), (1,)), ((1,), (0,)), third
+    (other,) = problem.paired_as(end, [fresh.with_groups(swapped)])
+    assert other.groups == swapped
+    (held,) = replace(problem, pairing_held=True).paired_as(end, [fresh.with_groups(swapped)])
+    assert held.groups == end.states[0].groups
+    (robbed,) = problem.paired_as(end, [fresh.with_groups((((1,), (0,)), third))])
+    assert robbed.groups == end.states[0].groups
+    # test modes that were compared as one subspace still are
+    joined = replace(end, states=(end.states[0].with_groups((((0, 1), (0, 1)), third)),))
+    assert problem.paired_as(joined, [fresh])[0].groups == (((0, 1), (0, 1)), third)
+    # nothing to change
+    assert problem.paired_as(end, [fresh]) == [fresh]
+
+
 def test_tracking_at_exact_crossing_stays_finite():
     """The trial point where both oscillators have one frequency: neither NaN nor a warning."""
     problem = problem_of(crossing_case(), FORMS["unit norm"])
