@@ -44,7 +44,7 @@ from femtune.identification.shapes import (
 )
 from femtune.identification.significance import without_poles_of_noise
 from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
-from femtune.identification.whole_record import WholeRecord
+from femtune.identification.whole_record import WholeRecord, binned
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 from femtune.modal.frf_set import KINDS
 
@@ -188,7 +188,7 @@ def _identified(
     fit = (
         fit_with_neighbours(elastic, start, errors, terms)
         if of_record is None
-        else _of_whole_record(elastic, start, of_record.inside(*band), terms)
+        else _of_whole_record(elastic, start, of_record if asked.band_hz is None else of_record.inside(*band), terms)
     )
     of_system = _system(motion, fit, band, asked)
     if shift:
@@ -216,7 +216,7 @@ def _identified(
         fit=fit,
         system_fit=of_system,
         quality=quality,
-        measured=whole,
+        measured=whole if of_record is None else fit.measured,
         notices=notices,
         remarks=remarks,
         clusters=clusters,
@@ -224,16 +224,19 @@ def _identified(
 
 
 def _of_whole_record(frfs: FrfSet, start: Complexes, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
-    """The fit to all lines of a record, shown beside its functions."""
+    """The fit to all lines of a record, shown beside its functions.
+
+    Means over lines would blur sharp peaks. The functions are shown as the model with the mean of what it leaves.
+    """
     fit = fit_with_neighbours(whole.frfs, start, None, terms, whole)
+    columns = modal_basis(frfs.freq_hz, fit.poles, frfs.kind, terms).columns
     residues = fit.residues[:, 0]
-    shown = (
-        np.hstack([residues.real, residues.imag, fit.terms[:, 0]])
-        @ modal_basis(frfs.freq_hz, fit.poles, frfs.kind, terms).columns.T
-    )
-    return replace(
-        fit, measured=frfs, synthesised=replace(fit.synthesised, freq_hz=frfs.freq_hz, values=shown[:, None])
-    )
+    model = (np.hstack([residues.real, residues.imag, fit.terms[:, 0]]) @ columns.T)[:, None]
+    synthesised = replace(fit.synthesised, freq_hz=frfs.freq_hz, values=model)
+    if whole.width and fit.ends is not None:
+        left = binned(whole.without(fit.ends + fit.synthesised.values[:, 0]))[0]
+        frfs = replace(frfs, values=model + left.values)
+    return replace(fit, measured=frfs, synthesised=synthesised)
 
 
 def _without_window(frfs: FrfSet, shift: float) -> FrfSet:

@@ -58,6 +58,7 @@ class ModalFit:
     begun_at : (m,) position in `start` of the pole from which each mode was fitted; −1 for `neighbours`
     left : (m,) modes that ended too far from where they began to be the same
     deviance : −2 log likelihood, but for a constant: χ² where standard deviations were given
+    ends : (n, k) of a whole record, what the transients of its ends add to the functions
     """
 
     poles: Complexes
@@ -76,6 +77,7 @@ class ModalFit:
     begun_at: Integers
     left: Flags
     deviance: float
+    ends: Complexes | None = None
 
     @property
     def outside(self) -> Flags:
@@ -205,11 +207,14 @@ def _as_fit(
     misfit = _misfit(now, k, m) if problem.sd is not None else np.nan
     raised = max(misfit, 1.0) if np.isfinite(misfit) else 1.0
     spread = _spread(now.shares, n * u)
-    columns, c = modal_basis(frfs.freq_hz, poles, frfs.kind, problem.terms).columns, now.coefficients
-    if problem.line is not None:
+    basis, c = modal_basis(frfs.freq_hz, poles, frfs.kind, problem.terms), now.coefficients
+    ends = None
+    if problem.whole is not None:
+        everything = c @ with_transients(basis, frfs.freq_hz, poles, problem.whole.force).columns.T
         # without the residues and the terms of the transients
         c = np.hstack([c[:, : 2 * m], c[:, 4 * m : 4 * m + len(problem.terms)]])
-    values = (c @ columns.T).reshape(n, u, k)
+        ends = everything - c @ basis.columns.T
+    values = (c @ basis.columns.T).reshape(n, u, k)
     square = 2.0 * now.variance.reshape(n, u) if problem.sd is None else np.mean(problem.sd**2, axis=2)
     if problem.line is not None:
         square = square * np.mean(problem.line**-2.0)
@@ -230,6 +235,7 @@ def _as_fit(
         begun_at,
         np.zeros(m, bool),
         _deviance(now, k, problem.sd is not None),
+        ends,
     )
 
 

@@ -41,12 +41,14 @@ class WholeRecord:
     force : (k,) U
     colour : (k,) size of the noise of a response beside that of the other lines
     noise : (n, k) its standard deviation, √E|error|² of Y
+    width : neighbouring lines of which each function is the mean; 0 where the functions were made in another way
     """
 
     frfs: FrfSet
     force: Complexes
     colour: Reals
     noise: Reals
+    width: int = 0
 
     def inside(self, low_hz: float, high_hz: float) -> WholeRecord:
         """The lines of a band."""
@@ -59,7 +61,11 @@ class WholeRecord:
 
     def _at(self, kept: NDArray[np.int64]) -> WholeRecord:
         frfs = replace(self.frfs, freq_hz=self.frfs.freq_hz[kept], values=self.frfs.values[:, :, kept])
-        return WholeRecord(frfs, self.force[kept], self.colour[kept], self.noise[:, kept])
+        return replace(self, frfs=frfs, force=self.force[kept], colour=self.colour[kept], noise=self.noise[:, kept])
+
+    def without(self, ends: Complexes) -> WholeRecord:
+        """The lines without the part (n, k) of the functions that the transients of the ends are."""
+        return replace(self, frfs=replace(self.frfs, values=self.frfs.values - ends[:, None, :]))
 
 
 def whole_record(record: TimeSeries, kind: str, low_hz: float, high_hz: float) -> WholeRecord | None:
@@ -111,10 +117,14 @@ def _noise(motion: Complexes, force: Complexes) -> Reals:
     return np.asarray(np.sqrt(np.repeat(middle, WINDOW, axis=1)[:, np.minimum(np.arange(k), count * WINDOW - 1)]))
 
 
-def binned(whole: WholeRecord, most: int) -> tuple[FrfSet, Reals]:
-    """At most so many functions of neighbouring lines together, and √E|error|² of each."""
-    k = len(whole.force)
-    width = -(-k // most)
+def in_bins(whole: WholeRecord, most: int) -> WholeRecord:
+    """With the least `width` that leaves at most so many functions."""
+    return replace(whole, width=-(-len(whole.force) // most))
+
+
+def binned(whole: WholeRecord) -> tuple[FrfSet, Reals]:
+    """Functions of `width` neighbouring lines together, and √E|error|² of each."""
+    k, width = len(whole.force), whole.width
     count = k // width
     cut = slice(0, count * width)
     weights = (np.abs(whole.force[cut]) / whole.colour[cut]).reshape(count, width) ** 2

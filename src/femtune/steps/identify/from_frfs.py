@@ -21,7 +21,7 @@ from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.periodic import periodic_frfs
 from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
-from femtune.identification.whole_record import binned, whole_record
+from femtune.identification.whole_record import binned, in_bins, whole_record
 from femtune.modal import ModeSet
 from femtune.steps.identify.choices import picked_poles
 from femtune.steps.identify.identified import Curve, Found
@@ -156,7 +156,8 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     living = [record.select_channels(alive) for record in records]
     whole, hits = _whole(living, file), is_impulsive(living[0]) if len(living[0].positions("input")) == 1 else False
     if whole is not None and not hits:
-        frfs, sd = binned(whole, FUNCTION_LINES)
+        whole = in_bins(whole, FUNCTION_LINES)
+        frfs, sd = binned(whole)
         return found_from_frfs(frfs, file, sd=sd, whole=whole)
     frfs, sd, notices = functions_of(living, file)
     if any(notice.code in _HITS_LEFT for notice in notices):
