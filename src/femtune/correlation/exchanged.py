@@ -27,8 +27,10 @@ _GOOD_MAC = 0.8
 """MAC after the swaps from which a test mode without a partner before counts as one that they explain."""
 _MOST_SWAPS = 5
 """Exchanges that are looked for, one after the other."""
-_FEWEST_SENSORS, _MOST_SENSORS = 4, 1000
-"""Sensors from which a swap means something, and up to which all pairs of them are tried."""
+_FEWEST_SENSORS = 4
+"""Sensors from which an exchange can be recognised."""
+_MOST_SENSORS = 1000
+"""Sensors up to which all pairs of them are tried."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -720,16 +720,16 @@ def on_full_model(
     method: SensitivityMethod,
     before: Evaluation,
     full: Evaluation,
-    found: UpdateResult,
+    result: UpdateResult,
     history: Sequence[Iteration],
 ) -> UpdateResult:
     """The result at the final point with residuals, Jacobian and covariance of the full model."""
-    there = update(problem, replace(method, max_iterations=0, smallest_change=0.0), start=full, active=found.active)
-    walk = Walk(problem, moving_parameters(problem, found.active), there.side)
+    there = update(problem, replace(method, max_iterations=0, smallest_change=0.0), start=full, active=result.active)
+    walk = Walk(problem, moving_parameters(problem, result.active), there.side)
     return replace(
-        there, status=found.status, before=before, history=tuple(history),
-        number=len(history) - len(found.history) + found.number,
-        certificate=certificate(walk, full, found.smallest_change), smallest_change=found.smallest_change,
+        there, status=result.status, before=before, history=tuple(history),
+        number=len(history) - len(result.history) + result.number,
+        certificate=certificate(walk, full, result.smallest_change), smallest_change=result.smallest_change,
     )  # fmt: skip
 
 
