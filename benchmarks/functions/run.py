@@ -24,8 +24,8 @@ from femtune.modal import FrfSet, ModeSet, mac, pole_of
 
 LINES = np.linspace(5.0, 105.0, 3000)
 STRUCTURES = {
-    "apart, .1 to 5 %": ((12.0, 20.0, 30.0, 55.0, 72.0, 90.0), (0.001, 0.05, 0.02, 0.003, 0.03, 0.01)),
-    "two .5 % apart": ((12.0, 20.0, 20.1, 55.0, 72.0, 90.0), (0.01, 0.002, 0.002, 0.003, 0.005, 0.01)),
+    "apart, 0.1 to 5 %": ((12.0, 20.0, 30.0, 55.0, 72.0, 90.0), (0.001, 0.05, 0.02, 0.003, 0.03, 0.01)),
+    "two 0.5 % apart": ((12.0, 20.0, 20.1, 55.0, 72.0, 90.0), (0.01, 0.002, 0.002, 0.003, 0.005, 0.01)),
 }
 WINDOW_HZ = 2.0
 """On either side of each true frequency, where sdypy-EMA looks for the stable pole: its smallest window."""
@@ -35,7 +35,7 @@ Found = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One way on one structure at one noise, over all seeds; errors of modes found (MAC above .8, within 1 % in Hz)."""
+    """One method on one structure at one noise level, all seeds; errors of modes found (MAC above 0.8, within 1 %)."""
 
     structure: str
     decibel: int

@@ -1,4 +1,4 @@
-"""How often faults of decks, studies and tests are told: python run.py [--decks DIR] [--evidence DIR].
+"""How often faults of decks, studies and tests are reported: python run.py [--decks DIR] [--evidence DIR].
 
 Each kind of fault is planted in each of ten small decks that can have it, and `femtune check` must name its cause. The
 level is the share of sound models that raise an alarm: the ten decks, and those of a folder.
@@ -90,13 +90,13 @@ def page(tried: Sequence[Trial], sound_decks: dict[str, list[str]], files: dict[
         missed = ", ".join(t.deck for t in mine if not t.found) or "–"
         rows.append(f"| {fault.name} | `{fault.codes[0]}` | {sum(t.found for t in mine)} of {len(mine)} | {missed} |")
     lines = [
-        "# Benchmark: faults that are told",
+        "# Benchmark: faults that are reported",
         "",
         f"{len(FAULTS)} kinds of faults were planted in ten small decks, each in every deck that can have it.",
         f"`femtune check` named the cause in {found} of {len(tried)} ({100 * found / len(tried):.1f} %).",
         f"Of {count} sound models {len(false)} raised an alarm{': ' + ', '.join(false) if false else ''}.",
         "",
-        "| fault | told as | found | missed in |",
+        "| fault | reported as | found | missed in |",
         "| --- | --- | --- | --- |",
         *rows,
         "",

@@ -231,13 +231,13 @@ def page(size: Size) -> str:
         "# Identification beside its peers", "",
         "A simply supported plate with 56 sensors and eight modes of 8 to 52 Hz, three pairs of them 0.6 to 1.3 % "
         f"apart, with damping from 0.1 to 5 %; {size.seeds} tests of each kind with noise of their own. The poles of "
-        "everybody went through the same choice of modes. Worst over the modes; frequencies and damping relative to "
-        "the truth.", "",
+        "all libraries went through the same choice of modes. Worst over the modes; frequencies and damping relative "
+        "to the truth.", "",
         "| test | way | bias of f % | scatter of f % | bias of ζ % | scatter of ζ % | worst MAC | missed | extra |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |", *accuracy(size), "",
         "## Time", "",
-        f"Seconds of the processor with one thread, the least of {TURNS} runs in which all take turns, and over "
-        "those of the first row. Everybody works on the same arrays.", "",
+        f"Seconds of the processor with one thread, the least of {TURNS} runs in which all take turns, and relative to "
+        "those of the first row. All libraries work on the same arrays.", "",
         "| work | way | s | ratio |", "| --- | --- | --- | --- |", *speed(size), "",
     ])  # fmt: skip
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from decks import STRUCTURES
-from trials import NOISE, STATED, Deviations, Trial, TrialKind, trial, write_data, write_study
+from trials import EXACT, NOISE, STATED, Deviations, Trial, TrialKind, trial, write_data, write_study
 
 import femtune as ft
 from femtune.errors import FemtuneError
@@ -39,6 +39,7 @@ def measured(kind: TrialKind, number: int, seed: int, stated: Sequence[str], wro
     one, begun, turn = trial(kind, number, seed), time.process_time(), sum(divmod(number, len(STRUCTURES)))
     with tempfile.TemporaryDirectory(prefix="femtune-judge-") as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        signal = signal_of(one, Path(folder))
         write_data(one, Path(folder))
         runs = {
             name: run_of(one, Path(folder), STATED[name], name)
@@ -47,9 +48,23 @@ def measured(kind: TrialKind, number: int, seed: int, stated: Sequence[str], wro
         }
     return {
         "kind": kind, "number": number, "seed": seed, "structure": one.structure.name, "truth": one.truth,
-        "fault": None if one.fault is None else [one.fault.field, one.fault.factor], "runs": runs,
+        "fault": None if one.fault is None else [one.fault.field, one.fault.factor], "signal": signal, "runs": runs,
         "seconds": round(time.process_time() - begun, 2),
     }  # fmt: skip
+
+
+def signal_of(one: Trial, folder: Path) -> float | None:
+    """Noncentrality that the error of a wrong model gives χ²: what it leaves of the residuals without noise.
+
+    Linear in the parameters, about their true values, with the deviations of the noise. None for a right model.
+    """
+    if one.fault is None:
+        return None
+    write_data(one, folder, EXACT)
+    problem = load_study(write_study(one, folder, NOISE, "exact")).problem()
+    state = problem.start(np.array([one.truth[field] for field in one.structure.parameters]) - 1.0)
+    explained, *_ = np.linalg.lstsq(state.jacobian, state.residuals)
+    return float(np.sum((state.residuals - state.jacobian @ explained) ** 2))
 
 
 def run_of(one: Trial, folder: Path, stated: Deviations, name: str) -> Row:

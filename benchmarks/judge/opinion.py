@@ -6,13 +6,15 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from scipy.stats import norm
+from scipy.stats import chi2, ncx2, norm
 
 Row = dict[str, Any]
 HARM = 3.0
 """Stated standard deviations by which a parameter misses the truth in a harmful fit."""
 TODAY = 0.01
 """Level of the goodness-of-fit test that stands beside the judge."""
+VISIBLE = 15.0
+"""Noncentrality from which a test of 5 % that knows the culprit finds the error in more than 97 % of tests."""
 BETTER = 1.0
 """Decrease of χ² from which another minimum is a better one."""
 TESTS: dict[str, tuple[str, ...]] = {
@@ -45,6 +47,14 @@ def misses(run: Row) -> Iterator[float]:
 def harmful(run: Row) -> bool:
     """True if a parameter misses the truth by more than `HARM` standard deviations."""
     return any(miss > HARM for miss in misses(run))
+
+
+def most_power(signal: float, level: float = 0.05) -> float:
+    """Power of the test that knows the culprit: χ² of one degree with a noncentrality, at a level.
+
+    No test of this level that has to look for the culprit finds more.
+    """
+    return float(ncx2.sf(chi2.isf(level, 1), 1, signal))
 
 
 def covered(run: Row) -> list[bool]:

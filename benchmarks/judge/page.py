@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import itertools
 import os
 import platform
 from collections import Counter
@@ -20,6 +21,7 @@ from opinion import (
     HARM,
     NEAR,
     TESTS,
+    VISIBLE,
     beaten,
     covered,
     found,
@@ -28,6 +30,7 @@ from opinion import (
     half_widths,
     harmful,
     judged,
+    most_power,
     names_deviations,
     rank_of,
     rank_of_mass,
@@ -77,6 +80,11 @@ def level(rows: Sequence[Row], stated: str, test: Test) -> Rate:
 def power(rows: Sequence[Row], stated: str, kind: str, test: Test) -> Rate:
     """Share of the harmful wrong models of a kind that a test finds."""
     return rate(test(run) for _, run in judged_runs(rows, stated, kind) if harmful(run))
+
+
+def visible(rows: Sequence[Row]) -> list[Row]:
+    """Wrong models whose error a test finds that knows the culprit."""
+    return [row for row in rows if (row["signal"] or 0.0) >= VISIBLE]
 
 
 def coverage(pairs: Sequence[tuple[Row, Row]]) -> Rate:
@@ -164,6 +172,10 @@ def criteria(rows: Sequence[Row], started: Sequence[Row]) -> list[Criterion]:
                       power(rows, stated, "candidate", found), least=0.97),
             Criterion(f"{stated} σ: harmful models found, the culprit is no candidate",
                       power(rows, stated, "hidden", found), least=0.94),
+            Criterion(f"{stated} σ: the same, errors that show: the culprit is a candidate",
+                      power(visible(rows), stated, "candidate", found), least=0.97),
+            Criterion(f"{stated} σ: the same, errors that show: the culprit is no candidate",
+                      power(visible(rows), stated, "hidden", found), least=0.94),
             Criterion(f"{stated} σ: culprit first", ranks(rows, stated, 1), least=0.78),
             Criterion(f"{stated} σ: culprit among the first three", ranks(rows, stated, 3), least=0.93),
             Criterion(f"{stated} σ: 95 % intervals of wrong models that are not refused, with the truth in them",
@@ -183,7 +195,7 @@ def criteria(rows: Sequence[Row], started: Sequence[Row]) -> list[Criterion]:
 def page(rows: Sequence[Row], started: Sequence[Row], planned: int) -> str:
     """The whole text; `started` are the rows of the updates from many starts."""
     return "\n".join([
-        *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_named(rows),
+        *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_signals(rows), *_named(rows),
         *_culprits(rows), *_masses(rows), *_clamps(rows), *_coverage(rows),
         *_by_structure(rows, started), *_reasons(rows), *_failures(rows),
     ])  # fmt: skip
@@ -268,6 +280,29 @@ def _power(rows: Sequence[Row]) -> Iterator[str]:
         for kind, words in (("candidate", "a field of the deck"), ("hidden", "no field of the deck")):
             body.append([WORDS[s], words, *(power(rows, s, kind, test) for test in COLUMNS.values())])
     yield from _table(["stated σ", "culprit", *COLUMNS], body)
+
+
+SIGNALS = (0.0, 8.0, VISIBLE, 30.0, float("inf"))
+"""Bounds of the rows of the table of signals."""
+
+
+def _signals(rows: Sequence[Row]) -> Iterator[str]:
+    yield from ("## By how much an error shows", "",
+                "Harmful models by the noncentrality that the error gives χ² with the true deviations, after the "
+                "parameters have taken what they can. The column \"culprit known\" is the power that a test of 5 % has "
+                "which is told where the error is; no test that has to look for it has more. Errors that show have "
+                f"at least {VISIBLE:g}.", "")  # fmt: skip
+    pairs = [p for p in judged_runs(rows, "true", "candidate", "hidden") if harmful(p[1])]
+    body = []
+    for low, high in itertools.pairwise(SIGNALS):
+        inside = [(row, run) for row, run in pairs if low <= row["signal"] < high]
+        most = [most_power(row["signal"]) for row, _ in inside]
+        words = f"{low:g} to {high:g}" if high < float("inf") else f"from {low:g}"
+        body.append([
+            words, len(inside), f"{100 * np.mean(most):.1f} %" if most else "–", rate(found(run) for _, run in inside),
+            rate(refused(run) for _, run in inside),
+        ])  # fmt: skip
+    yield from _table(["noncentrality", "models", "culprit known", "any of the three", "not accepted"], body)
 
 
 def _named(rows: Sequence[Row]) -> Iterator[str]:

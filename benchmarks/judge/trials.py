@@ -47,6 +47,8 @@ class Deviations:
 
 NOISE = Deviations(0.003, 0.02, 0.02)
 """Of the simulated tests."""
+EXACT = NOISE.times(1e-6)
+"""Of tests that are simulated without noise."""
 _FRF_WITHOUT_SD = 0.05
 """What `FrfResidual` states if the study does not."""
 STATED: dict[str, Deviations] = {

@@ -313,7 +313,7 @@ def page(sizes: list[dict], beside: list[dict], machine: dict[str, str]) -> str:
         "The free subframe with nine parameters, two inputs and 47 outputs, 100 to 400 Hz, three lines in each half "
         "bandwidth; reduced models trained on the box, 100 samples, 20 starts, certified on the full model; then 1000 "
         "bootstrap runs on the measured lines, each by Gauss-Newton steps with derivatives of its own until a step is "
-        "below .01 σ, of which 20 are repeated until a step is below .0001 σ. SciPy's eigsh on PARDISO solves for 50 "
+        "below 0.01 σ, of which 20 are repeated until a step is below 0.0001 σ. SciPy's eigsh on PARDISO solves for 50 "
         "modes of the same matrices in the same process, with the shift given, after all else. \"Ends\" are the "
         "enrichments where the best start ends and the check on the full model. Peak memory is the largest resident "
         "memory of the process, from its start until the bootstrap has ended: with the simulation of the test, without "

@@ -26,6 +26,7 @@ from PIL import Image
 import femtune as ft
 from femtune.cli import main
 from femtune.modal import ModeSet
+from femtune.steps.exit_codes import ENDED, NOT_ACCEPTED, RESERVATIONS
 
 _DOCS = Path(__file__).resolve().parents[1]
 _PICTURES = _DOCS / "_static" / "pictures"
@@ -132,18 +133,18 @@ _COMMANDS = (
     "identify frfs.uff --output identified",
     "screen material.toml --array L9 --levels 3 --report screen.html",
     "search modes.toml --runs 30 --report search.html",
-    "candidates candidates.toml --report candidates.html",
+    "candidates candidates.toml --output candidates --report candidates.html",
     *(f"run {name}.toml --output {name}" for name in _STUDIES if name != "candidates"),
 )
 _GUIDE = {
-    "modes": ("modes.html", "Mode shapes of as the deck. 7"),
+    "modes": ("modes.html", "Mode shapes of baseline. 7"),
     "plan": ("plan.html", "The structure with"),
     "respond": ("respond.html", "Frequency responses"),
     "identify": ("identified/report.html", "Stabilisation"),
     "screen": ("screen.html", "Mean frequency of the runs of each level"),
     "search": ("search.html", "Smallest"),
     "candidates": ("candidates.html", "Mean error of each candidate"),
-    "correlate": ("modes/report.html", "as the deck, MAC before"),
+    "correlate": ("modes/report.html", "baseline, MAC before"),
     "update": ("modes/report.html", "Weighted mean error"),
     "residuals": ("modes/report.html", "Scaled sensitivities"),
     "select": ("material/report.html", "Coefficients by parameter"),
@@ -230,7 +231,8 @@ def _run(command: str) -> None:
     try:
         main([*shlex.split(command)])
     except SystemExit as end:
-        if end.code:
+        # a verdict is a result of the tutorial; the mesh of its plate is too coarse for another one
+        if end.code not in (ENDED, RESERVATIONS, NOT_ACCEPTED):
             raise
 
 

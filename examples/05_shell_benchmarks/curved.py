@@ -128,17 +128,17 @@ def curved(quick: bool) -> str:
     return tubes + "\n" + section("Full sphere", BALL, table(head, sphere_rows(m, masses)))
 
 
-TUBE = """R = 1, L = 2, t = .01 m, steel; modes come in pairs, one of each is listed, errors in per cent. Between
-diaphragms (v = w = 0, u free): the 3 × 3 equations of Sanders' shell theory, ν = .3; these modes have five to eight
+TUBE = """R = 1, L = 2, t = 0.01 m, steel; modes come in pairs, one of each is listed, errors in per cent. Between
+diaphragms (v = w = 0, u free): the 3 × 3 equations of Sanders' shell theory, ν = 0.3; these modes have five to eight
 waves around, so that 48 elements are six to nine per wave. Free: Rayleigh's inextensional mode, ν = 0. Asserted
-order with consistent mass between diaphragms: 2 within .3.
+order with consistent mass between diaphragms: 2 within 0.3.
 """
-BALL = """R/t = 100, ν = .3, ω R √(ρ/E) of the membrane's lower branch (Lamb 1882, Baker 1961), errors in per cent;
-bending, which the closed-form solution neglects, adds .01 and .06 %. The 2n + 1 modes of a degree have the same
+BALL = """R/t = 100, ν = 0.3, ω R √(ρ/E) of the membrane's lower branch (Lamb 1882, Baker 1961), errors in per cent;
+bending, which the closed-form solution neglects, adds 0.01 and 0.06 %. The 2n + 1 modes of a degree have the same
 frequency; the mesh, the six patches of a cube, separates them. The first six modes are rigid-body modes. Asserted
-order of the mean of degree 2 with consistent mass: 2 within .3.
+order of the mean of degree 2 with consistent mass: 2 within 0.3.
 
 Very thin spheres require consistent mass or a finer mesh: all short membrane waves of a sphere have ω R √(ρ/E) near
-1. With lumped mass, waves with a length of two cells have .6, less than the first true mode (.735), unless bending
-increases it. At R/t = 1000 with 6 × 8 × 8 cells the lowest elastic mode with lumped mass is .634.
+1. With lumped mass, waves with a length of two cells have 0.6, less than the first true mode (0.735), unless bending
+increases it. At R/t = 1000 with 6 × 8 × 8 cells the lowest elastic mode with lumped mass is 0.634.
 """

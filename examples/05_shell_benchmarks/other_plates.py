@@ -91,11 +91,11 @@ def other_plates(quick: bool) -> str:
 
 
 SKEW = """Rhombi, L/t = 1000, ω L² √(ρt/D), errors of four modes in per cent. Reference: the Ritz method (20 × 20
-terms, to .1 %); simply supported: the eigenvalues of the membrane of the same shape, which are those of the plate for
+terms, to 0.1 %); simply supported: the eigenvalues of the membrane of the same shape, which are those of the plate for
 every convex polygon, to 1e-5 (polynomials for the plate itself remain 3 % too high at 60°, because of the moments in
 the obtuse corners). For the same reason simply supported meshes converge slowly, quadrilaterals from above.
 Asserted order of the clamped plates with quadrilaterals: 2 in modes 1 to 3.
 """
 DISC = """A square map of the unit disc, R/t = 1000, ω R² √(ρt/D) from the roots of Bessel functions, six modes, ν =
-.3.
+0.3.
 """

@@ -11,7 +11,7 @@ Reals = NDArray[np.float64]
 
 
 def strip(n: int, kind: str) -> ShellMesh:
-    """The straight beam 6 × .2, one row of cells."""
+    """The straight beam 6 × 0.2, one row of cells."""
     return shell_mesh(rectangle(6.0, 0.2), n, 1, kind)
 
 

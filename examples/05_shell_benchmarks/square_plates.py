@@ -74,12 +74,12 @@ def square_plates(quick: bool) -> str:
     return section("Square plates with all boundary conditions", *parts)
 
 
-TEXT = """Edges in the order u = 0, v = 0, u = 1, v = 1: S simply supported, C clamped, F free; ν = .3. The reference
+TEXT = """Edges in the order u = 0, v = 0, u = 1, v = 1: S simply supported, C clamped, F free; ν = 0.3. The reference
 is ω L² √(ρt/D) by the Ritz method with Legendre polynomials, written for this page without femtune (Kirchhoff's
 plate, 16 × 16 terms, six elastic modes to a part in 10⁴ or better; thick plates: Mindlin's without rotary inertia,
 which shells do not have). Errors are the largest of six modes in per cent on {n} × {n} cells; orders are between
 {coarse} and {n} cells, lowest and highest of six modes. With consistent mass the theoretical order is 2; asserted
-are 1.7 and more, except for errors below .5 %, where those of mass, bending and residual flexibility of the
+are 1.7 and more, except for errors below 0.5 %, where those of mass, bending and residual flexibility of the
 quadrilaterals have different signs and nearly cancel. With lumped mass the order is not asserted. At free
 edges there is a boundary layer in thick plates, and in triangles, whose residual flexibility is the shear flexibility
 of a plate with a thickness equal to the cell width. There the order is lower (near 1 if a free edge

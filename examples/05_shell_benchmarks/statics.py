@@ -39,7 +39,7 @@ def tip(mesh: ShellMesh, section: Section, component: int) -> float:
 
 
 def straight_beam(n: int, kind: str) -> list[float]:
-    """In and out of plane, 6 × .2 × .1."""
+    """In and out of plane, 6 × 0.2 × 0.1."""
     law = Section(Isotropic(1e7, 0.3), 0.1)
     return [tip(strip(n, kind), law, c) / exact for c, exact in ((2, 0.1081), (3, 0.4321))]
 
@@ -63,7 +63,7 @@ def solved(mesh: ShellMesh, section: Section, fixed: set[int], load: Callable) -
 
 
 def roof_edge(n: int, kind: str) -> list[float]:
-    """Scordelis and Lo: the middle of the free edge, .3024."""
+    """Scordelis and Lo: the middle of the free edge, 0.3024."""
     mesh = roof(n, kind)
     fixed = dofs_of(mesh.edge("u0"), "156") | dofs_of(mesh.edge("v0"), "13") | dofs_of(mesh.edge("v1"), "246")
     law = Section(Isotropic(4.32e8, 0.0, 360.0), 0.25)
@@ -97,7 +97,7 @@ def pinched(n: int, kind: str, shear: float = 5.0 / 6.0) -> list[float]:
 
 
 def open_hemisphere(n: int, kind: str) -> list[float]:
-    """Hole of 18°, alternating radial forces: .0940."""
+    """Hole of 18°, alternating radial forces: 0.0940."""
     mesh = hemisphere(n, kind)
     a, b = int(mesh.rows[0, 0]), int(mesh.rows[-1, 0])
     fixed = dofs_of(mesh.edge("u0"), "246") | dofs_of(mesh.edge("u1"), "156") | dofs_of(a, "3")
@@ -110,9 +110,9 @@ def open_hemisphere(n: int, kind: str) -> list[float]:
 TESTS: tuple[tuple[str, Callable[[int, str], list[float]], tuple[int, ...], float, float | None], ...] = (
     ("straight beam, in and out of plane", straight_beam, (6, 12, 24), 0.03, None),
     ("curved beam, in and out of plane", curved_beam, (6, 12, 24), 0.06, None),
-    ("twisted beam, t = .32", lambda n, kind: twisted_beam(n, kind, 0.32), (2, 4, 8), 0.01, 0.03),
-    ("twisted beam, t = .05", lambda n, kind: twisted_beam(n, kind, 0.05), (2, 4, 8), 0.01, 0.03),
-    ("twisted beam, t = .0032", lambda n, kind: twisted_beam(n, kind, 0.0032), (2, 4, 8), 0.01, 0.03),
+    ("twisted beam, t = 0.32", lambda n, kind: twisted_beam(n, kind, 0.32), (2, 4, 8), 0.01, 0.03),
+    ("twisted beam, t = 0.05", lambda n, kind: twisted_beam(n, kind, 0.05), (2, 4, 8), 0.01, 0.03),
+    ("twisted beam, t = 0.0032", lambda n, kind: twisted_beam(n, kind, 0.0032), (2, 4, 8), 0.01, 0.03),
     ("Scordelis–Lo roof", roof_edge, (4, 8, 16, 32), 0.01, 0.03),
     ("pinched cylinder", pinched, (4, 8, 16, 32), 0.03, 0.02),
     ("the same, rigid in transverse shear", lambda n, kind: pinched(n, kind, 1000.0), (4, 8, 16, 32, 64), 0.01, 0.01),

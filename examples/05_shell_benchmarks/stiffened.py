@@ -150,8 +150,8 @@ def stiffened(quick: bool) -> str:
 
 TEE = """A strip 1000 × 50 × 4 mm with a web 40 × 3 mm below it, clamped at one end, ν = 0, compared with the
 composite (T) Euler beam: tip deflection and first frequency, errors in per cent, consistent mass. The web is modelled
-by bars with offsets WA = WB, or by two rows of shells. Asserted: .5 % on the finest mesh. The remaining error, below
-.3 %, is not due to the mesh alone: the Euler beam neglects the shear flexibility of the web and the shear lag of the
+by bars with offsets WA = WB, or by two rows of shells. Asserted: 0.5 % on the finest mesh. The remaining error, below
+0.3 %, is not due to the mesh alone: the Euler beam neglects the shear flexibility of the web and the shear lag of the
 strip. Two rows of triangles in a web are too stiff in bending (listed, not asserted).
 """
 OFFSET = """**ZOFFS.** A distorted free plate of 6 × 4 cells, 600 × 400 × 4 mm, offset by 50 mm: deck with ZOFFS

@@ -1,7 +1,7 @@
 """Compare shells with quadratic elements of CalculiX on the same meshes: python run.py [--quick] [--evidence DIR].
 
 CalculiX (`ccx`) is searched for on the path, or taken from $FEMTUNE_CALCULIX; without it the example reports this and
-ends. Asserts .75 % for the first ten modes of each structure on its finest mesh. The quick form uses a coarser finest
+ends. Asserts 0.75 % for the first ten modes of each structure on its finest mesh. The quick form uses a coarser finest
 mesh for the box beam and the bracket, and asserts 2 % there.
 """
 
@@ -28,7 +28,7 @@ import femtune as ft
 
 MODES = 10
 FINEST_PERCENT, COARSE_PERCENT = 0.75, 2.0
-"""Of the stiffened panel up to .52 % remain when its two finest meshes are extrapolated with order 2: a difference of
+"""Of the stiffened panel up to 0.52 % remain when its two finest meshes are extrapolated with order 2: a difference of
 the two programs' models (CalculiX joins shells that meet at an angle rigidly), which no mesh removes."""
 
 

@@ -16,7 +16,7 @@ from femtune.units import SI
 from structures.aeroplane_mesh import read_mesh
 
 ELASTIC, COMPLEX = 9, 0.9
-"""A tenth pole of the functions, at 9 Hz, has a phase collinearity of .88: no mode of the aeroplane."""
+"""A tenth pole of the functions, at 9 Hz, has a phase collinearity of 0.88: no mode of the aeroplane."""
 
 STUDY = """[study]
 title = "GARTEUR aeroplane: measured functions beside the mesh as it is"

@@ -79,7 +79,7 @@ def agreement(folder: Path, name: str) -> str:
     """A row: the three ways on a small mesh with all modes; asserts that they agree."""
     path = folder / "small.bdf"
     path.write_text(deck(4, _DAMPING[name]))
-    # not at 39.5 Hz: .05 % beside a resonance the undamped plate amplifies the rounding of its pole, 1e-11, 900 times
+    # not at 39.5 Hz: 0.05 % beside a resonance the undamped plate amplifies the rounding of its pole, 1e-11, 900 times
     found = {way: functions(path, 4, method=way, modes=500, from_hz=5.25) for way in _WAYS}
     real, complex_ = (distance(found[way], found["direct"]) for way in _WAYS[:2])
     assert max(real, complex_) < _AGREE, (name, real, complex_)
@@ -115,7 +115,7 @@ def evidence(quick: bool) -> str:
     return "\n".join([
         "# A damped plate: FRFs by three methods\n",
         "An aluminium plate of 400 × 400 × 3 mm, clamped at one edge; the middle of the opposite edge is supported "
-        "by a rubber bush (loss factor .2), one corner by a dashpot. Accelerance at three points for two forces, "
+        "by a rubber bush (loss factor 0.2), one corner by a dashpot. Accelerance at three points for two forces, "
         f"{lines}.\n",
         "## All modes\n",
         "4 × 4 shells, all modes retained; each grid point has a small rotary inertia, so that there are no "

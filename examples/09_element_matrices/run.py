@@ -163,17 +163,17 @@ def rebuilt(structure: Structure, theirs: dict[int, ElementMatrix]) -> str:
 
 
 EIGENVALUES = """\
-Eigenvalues of the stiffness of a square (CQUAD4 6) and of half a square (CTRIA3 8), sides 1, thickness .25, less the
+Eigenvalues of the stiffness of a square (CQUAD4 6) and of half a square (CTRIA3 8), sides 1, thickness 0.25, less the
 three rigid ones of each part, which are zero to rounding in both programs:
 """
 
 REASONS = """
 Differences, determined by decomposing the commercial matrices (`commercial.py` has the formulas; they reproduce the
-bending and the drilling of all twelve shells of the file, including PCOMP of one material, thickness .25, 1 and 1.5,
+bending and the drilling of all twelve shells of the file, including PCOMP of one material, thickness 0.25, 1 and 1.5,
 within {rebuilt}):
 
 - **Membrane**: none. Both squares have the in-plane bending of the hybrid element; constant strains are the same.
-- **In-plane shear modulus**: none. The card has E, NU and a G that is .14 % too large for them. The matrices show
+- **In-plane shear modulus**: none. The card has E, NU and a G that is 0.14 % too large for them. The matrices show
   E/2(1+ν) for in-plane shear and twisting, and G for transverse shear only; femtune does the same.
 - **Constant curvature**: none.
 - **Drilling**: none. Both have a spring 1e-6 K6ROT G t at each corner, for the rotation relative to the displacements
@@ -224,7 +224,7 @@ def with_commercial(structure: Structure, theirs: dict[int, ElementMatrix], card
 KINDS_CONCLUSION = """
 With the commercial stiffness of shells and CPENTA instead of ours all listed digits are reproduced: laminates,
 masses, solids, bars and constraints are the same. (Without rotary inertia of the CBEAM: with that of its written
-mass matrix mode 3 would be .001 % lower than listed.) Our triangles and CPENTA are softer than the commercial ones.
+mass matrix mode 3 would be 0.001 % lower than listed.) Our triangles and CPENTA are softer than the commercial ones.
 """
 
 

@@ -3,7 +3,7 @@
 The deck, shellf.inp of CalculiX's tests, is not part of this project. It is read from ../shared/data beside the
 checkout, or from $FEMTUNE_SHARED_DATA. CalculiX (`ccx`) is searched for on the path, or taken from $FEMTUNE_CALCULIX.
 If either is missing, the example reports this and ends. Asserts 1 % for the first ten modes on the finest mesh of
-CQUAD4 and .5 % for CQUAD8. The quick form uses coarser meshes and asserts 2 %.
+CQUAD4 and 0.5 % for CQUAD8. The quick form uses coarser meshes and asserts 2 %.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def tables(source: Path, program: str, folder: Path, quick: bool) -> Iterator[st
     if not quick:
         yield from table_head("\nWithout Poisson's ratio:\n\n")
         yield from converged(program, replace(shell, poisson=0.0), folder, quick, 4)
-    yield from table_head("\nThe same plate with a uniform thickness of .02:\n\n")
+    yield from table_head("\nThe same plate with a uniform thickness of 0.02:\n\n")
     yield from uniform(replace(shell, thickness=np.full_like(shell.thickness, 0.02)), folder)
 
 
@@ -125,8 +125,8 @@ def row(label: str, values: Reals) -> str:
 INTRODUCTION = """\
 # A shell of strongly varying thickness
 
-`shellf.inp` of CalculiX's own tests: a square plate with side length 1, clamped at one side, thickness .01 there,
-.03 at mid-length and .02 at the free end, linear between them, modelled by four eight-node shells S8 with nodal
+`shellf.inp` of CalculiX's own tests: a square plate with side length 1, clamped at one side, thickness 0.01 there,
+0.03 at mid-length and 0.02 at the free end, linear between them, modelled by four eight-node shells S8 with nodal
 thickness. The same plate with CQUAD4 on the corners and with CQUAD8 on all nodes, with the thicknesses T1 … T4 from
 the same functions, and coupled mass. Frequencies in Hz in the units of the deck.
 """
@@ -135,11 +135,11 @@ CONCLUSION = """
 - **The listed values** are those of four elements, up to 2.3 times too high: S8 uses full integration for bending
   and shear of plates as thin as a fiftieth of their side, and locks. CalculiX gives the same digits here; with the
   reduced integration of S8R, or with finer meshes, the frequencies decrease to the limit.
-- **CalculiX's S8R converges with first order only** if Poisson's ratio is .3: it expands shells to solids, the
+- **CalculiX's S8R converges with first order only** if Poisson's ratio is 0.3: it expands shells to solids, the
   clamped nodes constrain the thickness change, and the effect extends into the plate by one element. Without
   Poisson's ratio the same meshes converge with fourth order.
-- **CQUAD8**, whose thickness varies within the element as in CalculiX, is within .3 % of both limits with 256
-  elements; without Poisson's ratio the same meshes of both programs differ by at most .25 %, including the effect of
+- **CQUAD8**, whose thickness varies within the element as in CalculiX, is within 0.3 % of both limits with 256
+  elements; without Poisson's ratio the same meshes of both programs differ by at most 0.25 %, including the effect of
   rotary inertia.
 - **CQUAD4** converges to the same limits within 0.3 %, with second order; the remaining difference has the magnitude
   of the rotary inertia that solids have and shells of Nastran decks do not, ω t √(12 ρ/E) / 24. A CQUAD4 bends

@@ -2,7 +2,7 @@
 
 CalculiX (`ccx`) is searched for on the path, or taken from $FEMTUNE_CALCULIX; without it the example reports this and
 ends. Elements with mid-side nodes are compared with those of CalculiX on each mesh; all four shapes, with and without
-mid-side nodes, are compared with its hexahedra on the finest mesh. Asserts .5 % for the first ten modes of each
+mid-side nodes, are compared with its hexahedra on the finest mesh. Asserts 0.5 % for the first ten modes of each
 structure on its finest mesh. The quick form ends at the middle mesh and asserts 4 %.
 """
 

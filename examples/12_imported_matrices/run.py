@@ -109,7 +109,7 @@ def simulate(folder: Path, n: int) -> None:
         "half_left": node(0, n // 2, n), "half_right": node(n, n // 2, n),
     }  # fmt: skip
     sensors = DofSet.parse([text.format(**names) for text in _SENSORS])
-    modes = ft.modes(folder / "true.bdf").mode_sets["as the deck"].select_dofs(sensors).select_modes(range(_MODES))
+    modes = ft.modes(folder / "true.bdf").mode_sets["baseline"].select_dofs(sensors).select_modes(range(_MODES))
     points = build_structure(read_deck(folder / "true.bdf")).structure.nodes
     at = [points.position(number) for number in sorted(set(map(int, sensors.nodes)))]
     frame = WireFrame(points.ids[at], points.xyz[at], points.frames[at])

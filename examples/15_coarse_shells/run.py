@@ -145,7 +145,7 @@ def orthotropic(E1: float, E2: float, nu: float, G: float, angles: tuple[float, 
 
 
 def curved_panel(distort: float = 0.0) -> Make:
-    """A cylindrical panel of 60 degrees, radius 1, length 1, thickness .01, clamped."""
+    """A cylindrical panel of 60 degrees, radius 1, length 1, thickness 0.01, clamped."""
 
     def make(n: int, consistent: bool) -> Structure:
         mesh = shell_mesh(cylinder(1.0, 1.0, 0.0, np.pi / 3), n, n, distort=distort, seed=n)
@@ -158,7 +158,7 @@ def curved_panel(distort: float = 0.0) -> Make:
 
 
 def box_beam(n: int, consistent: bool) -> Structure:
-    """A cantilevered square tube, side .1, length .4, thickness .002: n elements a side, 4 n along."""
+    """A cantilevered square tube, side 0.1, length 0.4, thickness 0.002: n elements a side, 4 n along."""
 
     def around(u: Reals, v: Reals) -> tuple[Reals, Reals, Reals]:
         s = 4.0 * u
@@ -184,7 +184,7 @@ CASES = (
     Case("plate, free, L/t = 100", plate(STEEL, 0.01, nowhere), 10.0, 3.0, rigid=3),
     Case("panel on its corners, isotropic", plate(STEEL, 0.01, at_corners), 5.5, 7.5),
     Case("panel on its corners, ±45 laminate", plate(LAMINATE, 0.01, at_corners), 6.5, 9.0),
-    Case("panel on its corners, NU12 = .98", plate(COUPLED, 0.01, at_corners), 13.5, 16.0),
+    Case("panel on its corners, NU12 = 0.98", plate(COUPLED, 0.01, at_corners), 13.5, 16.0),
     Case("the same, distorted mesh", plate(COUPLED, 0.01, at_corners, 0.2), 13.5, 16.0),
     Case("curved panel, clamped", curved_panel(), 18.0, 52.0),
     Case("the same, distorted mesh", curved_panel(0.2), 18.0, 54.0),

@@ -47,7 +47,7 @@ QUICK, FULL = Size(5_000, 6, 200, 200), Size(20_000, 40, 5_000, 1_000)
 
 def translations(deck: Path) -> Reals:
     """(grid points · 3, 10) target modes at all translations of the subframe that move."""
-    modes = ft.modes(deck, count=16).mode_sets["as the deck"]
+    modes = ft.modes(deck, count=16).mode_sets["baseline"]
     rows = np.flatnonzero(np.isin(modes.dofs.components, (1, 2, 3)))
     return np.asarray(modes.shapes[rows, 6:16])
 

@@ -97,8 +97,8 @@ def _screening(effects: Effects) -> list[str]:
 def _surrogates(main: Predicted, others: dict[str, Predicted]) -> list[str]:
     lines = [
         "## A surrogate of the array alone", "",
-        "Errors in % of the three runs that the source made to check its own surrogate of 150 runs (.50 % at most), of "
-        "four of these 150, and of leaving out one run of the array. The recipe: Kriging with a constant trend and a "
+        "Errors in % of the three runs that the source made to check its own surrogate of 150 runs (0.50 % at most), "
+        "of four of these 150, and of leaving out one run of the array. The recipe: Kriging with a constant trend, a "
         "Gaussian correlation with one length per parameter, the noise (nugget) estimated, by restricted likelihood, "
         "on the logarithms of frequencies and parameters; the density of the beams at its nominal value.", "",
         "| surrogate | fresh runs, largest | fresh runs, mean | samples, largest | leaving out, root mean square |",
@@ -122,9 +122,9 @@ def _search(main: Predicted, found: SurrogateMinimum) -> list[str]:
     lines = [
         "## The minimum", "",
         "Sum of the squared relative errors of six frequencies, on the surrogate of the recipe, within the bounds of "
-        "the source: a genetic algorithm with its population of 100, crossover of .8 and mutation of .005, followed by "
-        f"bounded least squares. {found.same} of {len(found.searches)} seeds end at the same minimum. Moduli in GPa, "
-        "densities in kg/m³.", "",
+        "the source: a genetic algorithm with its population of 100, crossover of 0.8 and mutation of 0.005, followed "
+        f"by bounded least squares. {found.same} of {len(found.searches)} seeds end at the same minimum. Moduli in "
+        "GPa, densities in kg/m³.", "",
         "| | X1 | X2 | X3 | X5 | objective | errors of the six frequencies in % |", "| --- " * 7 + "|",
     ]  # fmt: skip
     for name, x in rows.items():

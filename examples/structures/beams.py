@@ -97,7 +97,7 @@ def _frequencies(n: int, support: Support, plane: int, consistent: bool, shear: 
 # ----------------------------------------------------------------------------------------------------
 # Three beams in line, the middle one thinner and off the axis of the others: a benchmark with known frequencies.
 #
-# Spans .3, .4 and .3 m of ten elements, breadth .2 m, depth .1 m outside and .05 m in the middle, 25 mm off axis,
+# Spans 0.3, 0.4 and 0.3 m of ten elements, breadth 0.2 m, depth 0.1 m outside and 0.05 m in the middle, 25 mm off axis,
 # fixed ends, steel, consistent mass. Source: Mottershead, Link and Friswell (2011), section 6; the depths and the
 # offset are recovered from their frequencies.
 

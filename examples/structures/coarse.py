@@ -110,7 +110,7 @@ def plate(
     t: float = 0.004,
     distort: float = 0.0,
 ) -> Structure:
-    """1 × .8 m in bending; "simple", "clamped", "free", "cantilever", or "corners" held."""
+    """1 × 0.8 m in bending; "simple", "clamped", "free", "cantilever", or "corners" held."""
     mesh = _mesh(rectangle(1.0, 0.8), n, n, cells, distort)
     every = np.arange(len(mesh.xyz))
     held = dofs_of(every, "126")
@@ -127,7 +127,7 @@ def plate(
 
 
 def curved_panel(n: int, cells: str, coupled: bool, support: str, distort: float = 0.0) -> Structure:
-    """A quarter of a cylinder of radius .5 m, .8 m long; "clamped" at both straight edges, or "cantilever"."""
+    """A quarter of a cylinder of radius 0.5 m, 0.8 m long; "clamped" at both straight edges, or "cantilever"."""
     mesh = _mesh(cylinder(0.5, 0.8, 0.0, np.pi / 2.0), n, n, cells, distort)
     edges = {"clamped": ("u0", "u1"), "cantilever": ("v0",)}[support]
     held = dofs_of(np.concatenate([_nodes(mesh.edge(e)) for e in edges]), "123456")
@@ -135,13 +135,13 @@ def curved_panel(n: int, cells: str, coupled: bool, support: str, distort: float
 
 
 def tube(n: int, cells: str, coupled: bool) -> Structure:
-    """A tube of radius .1 m, .5 m long, held at one end; 4 n elements around, 2 n along."""
+    """A tube of radius 0.1 m, 0.5 m long, held at one end; 4 n elements around, 2 n along."""
     mesh = shell_mesh(cylinder(0.1, 0.5), 4 * n, 2 * n, cells, closed=True)
     return _sheet(mesh, Section(ALUMINIUM, 0.002), dofs_of(_nodes(mesh.edge("v0")), "123456"), coupled)
 
 
 def _square_tube(u: Reals, v: Reals) -> tuple[Reals, Reals, Reals]:
-    """Sides .2 and .15 m, 1 m along z."""
+    """Sides 0.2 and 0.15 m, 1 m along z."""
     s = 4.0 * np.mod(u, 1.0)
     x = np.interp(s, [0, 1, 2, 3, 4], [0, 0.2, 0.2, 0, 0])
     y = np.interp(s, [0, 1, 2, 3, 4], [0, 0, 0.15, 0.15, 0])
@@ -168,7 +168,7 @@ def solid_bracket(n: int, cells: str, coupled: bool) -> Structure:
 
 
 def solid_plate(n: int, cells: str, coupled: bool, distort: float = 0.0) -> Structure:
-    """A thick plate 1 × .8 × .1 m held at one side, one element (or n / 4) through."""
+    """A thick plate 1 × 0.8 × 0.1 m held at one side, one element (or n / 4) through."""
     through = max(n // 4, 1)
     mesh = solid_mesh(box(1.0, 0.8, 0.1), (n, n, through), cells, distort=distort, seed=3)
     return solid_model(mesh, ALUMINIUM, held=dofs_of(mesh.face("u0"), "123"), consistent_mass=coupled)
@@ -218,7 +218,7 @@ def _cases(coupled: bool) -> list[MeshedCase]:
         add("thick plate, simple", "flat plates", cells, partial(plate, support="simple", t=0.08))
         add("±45 laminate, corners", "laminates", cells,
             partial(plate, support="corners", material=laminate_45()))  # fmt: skip
-        add("NU12 .98, corners", "strongly coupled law", cells,
+        add("NU12 0.98, corners", "strongly coupled law", cells,
             partial(plate, support="corners", material=COUPLED))  # fmt: skip
         add("distorted plate, clamped", "distorted plates", cells,
             partial(plate, support="clamped", distort=0.3))  # fmt: skip

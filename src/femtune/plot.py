@@ -122,8 +122,8 @@ def _matrix(
     ax.tick_params(length=0, labelsize=8)
     if max(values.shape) <= _MOST_NUMBERED_CELLS:
         for i, j in np.argwhere(np.isfinite(values)):
-            text = f"{values[i, j]:.2f}".replace("0.", ".", 1)
-            ax.text(j, i, text, ha="center", va="center", fontsize=7, color="white" if values[i, j] > 0.55 else INK)
+            colour = "white" if values[i, j] > 0.55 else INK
+            ax.text(j, i, f"{values[i, j]:.2f}", ha="center", va="center", fontsize=7, color=colour)
         for i, j in np.argwhere(~np.isfinite(values)):
             ax.text(j, i, "–", ha="center", va="center", fontsize=7, color=SOFT)
     frame = require("matplotlib.patches").Rectangle

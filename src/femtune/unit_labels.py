@@ -18,9 +18,16 @@ _POUND_MASS = 0.45359237
 Dimension = tuple[int, int, int]
 """Exponents of length, force and time. Mass is force·time²/length; angles and counts have none."""
 
-_NONE, _LENGTH, _FORCE, _TIME = (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)
-_ACCELERATION, _RATE, _MASS = (1, 0, -2), (0, 0, -1), (-1, 1, 2)
-PRESSURE, _MOMENT = (-2, 1, 0), (1, 1, 0)
+# exponents of length, force and time
+_NONE = (0, 0, 0)
+_LENGTH = (1, 0, 0)
+_FORCE = (0, 1, 0)
+_TIME = (0, 0, 1)
+_ACCELERATION = (1, 0, -2)
+_RATE = (0, 0, -1)
+_MASS = (-1, 1, 2)
+PRESSURE = (-2, 1, 0)
+_MOMENT = (1, 1, 0)
 
 _UNITS: dict[str, tuple[float, Dimension]] = {
     "m": (1.0, _LENGTH), "km": (1e3, _LENGTH), "cm": (1e-2, _LENGTH), "mm": (1e-3, _LENGTH), "µm": (1e-6, _LENGTH),
@@ -68,6 +75,7 @@ _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 EMPTY = ("", "none", "null", "n/a", "na", "-", "unknown", "no unit", "unitless", "[-]", "undefined", "general")
 """Labels that say nothing, in small letters."""
 _LARGEST_POWER = 4
+"""Largest exponent, and depth of brackets, of a unit; no unit of vibration has more (m⁴ of a second moment of area)."""
 
 
 @dataclass(frozen=True)

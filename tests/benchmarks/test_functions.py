@@ -18,7 +18,7 @@ def run() -> ModuleType:
 
 
 def test_errors_are_relative_and_a_missing_mode_is_no_number(run: ModuleType) -> None:
-    truth = run.truth_of("two .5 % apart", 8)
+    truth = run.truth_of("two 0.5 % apart", 8)
     keep = [0, 1, 2, 4, 5]
     found = (1.001 * truth.freq_hz[keep], 0.9 * truth.damping_ratio[keep], -2.0 * truth.shapes[:, keep])
     errors = run.errors(found, truth)
@@ -30,7 +30,7 @@ def test_errors_are_relative_and_a_missing_mode_is_no_number(run: ModuleType) ->
 
 @pytest.mark.slow
 def test_a_small_run_finds_all_modes(run: ModuleType) -> None:
-    row = run.measured("apart, .1 to 5 %", 40, "femtune", 8, 1)
+    row = run.measured("apart, 0.1 to 5 %", 40, "femtune", 8, 1)
     assert (row.found, row.extra) == (6.0, 0.0)
     assert row.freq_bias < 1e-4
     assert row.text().count("|") == 12

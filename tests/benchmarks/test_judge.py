@@ -109,6 +109,26 @@ def test_harm_is_not_excused_by_intervals_that_a_misfit_widens(modules: dict[str
     assert modules["opinion"].harmful(run)
 
 
+def test_no_test_finds_more_than_the_one_that_knows_the_culprit(modules: dict[str, ModuleType]):
+    most_power, visible = modules["opinion"].most_power, modules["opinion"].VISIBLE
+    assert most_power(0.0) == pytest.approx(0.05)
+    # z ± sqrt(5) beside 1.96
+    assert most_power(5.0) == pytest.approx(0.6088, abs=1e-3)
+    assert most_power(visible - 1.0) < 0.97 < most_power(visible)
+
+
+@pytest.mark.slow
+def test_the_signal_of_an_error_is_what_an_update_to_exact_data_leaves(modules: dict[str, ModuleType], tmp_path: Path):
+    trials = modules["trials"]
+    # a mass of the plate that is 9 % off; the parameters take most of its effect
+    one = trials.trial("candidate", 13)
+    trials.write_data(one, tmp_path, trials.EXACT)
+    study = trials.write_study(one, tmp_path, trials.NOISE, "noise-free")
+    left = ft.update(study, update={"look_further": False}).results.update.chi_square
+    assert modules["measure"].signal_of(one, tmp_path) == pytest.approx(left, rel=0.1)
+    assert modules["measure"].signal_of(trials.trial("right", 1), tmp_path) is None
+
+
 @pytest.mark.slow
 def test_the_judge_on_a_sample_of_models(modules: dict[str, ModuleType]):
     measure, opinion = modules["measure"], modules["opinion"]
@@ -136,7 +156,7 @@ def row(kind: str, misses: list[float], p: float, reasons: list[dict[str, str]],
     }  # fmt: skip
     fault = None if kind == "right" else ["PSHELL 4 T", 1.1]
     return {"kind": kind, "number": 0, "seed": 1, "structure": "plate", "fault": fault, "runs": {"true": run},
-            "revision": "abc"}  # fmt: skip
+            "signal": None if kind == "right" else 20.0, "revision": "abc"}  # fmt: skip
 
 
 def test_rates_of_the_page_are_counted_from_rows(modules: dict[str, ModuleType]):
@@ -157,6 +177,8 @@ def test_rates_of_the_page_are_counted_from_rows(modules: dict[str, ModuleType])
     assert page.power(rows, "true", "candidate", opinion.found_today) == modules["rates"].Rate(1, 2)
     assert page.power(rows, "true", "hidden", found) == modules["rates"].Rate(1, 1)
     assert page.coverage(page.runs(rows, "true", "right")) == modules["rates"].Rate(3, 4)
+    rows[3]["signal"] = 5.0
+    assert page.power(page.visible(rows), "true", "candidate", found) == modules["rates"].Rate(1, 1)
     nominal = {"chi_square": 10.0, "compared": 9}
     ends = [{"chi_square": 8.5, "compared": 9}, {"chi_square": 9.5, "compared": 9}, {"chi_square": 5.0, "compared": 8}]
     started = [{"structure": "plate", "nominal": nominal, "starts": end} for end in ends]
@@ -165,3 +187,4 @@ def test_rates_of_the_page_are_counted_from_rows(modules: dict[str, ModuleType])
     text = page.page(rows, started, 12)
     assert "**Incomplete: 6 of 12 models are measured.**" in text
     assert "1 of 2" in text
+    assert "| 0 to 8 | 1 | 60.9 % | 0.0 % (0 of 1) | 0.0 % (0 of 1) |" in text

@@ -91,6 +91,41 @@ def test_warnings_are_not_red_and_nothing_has_a_colour_where_none_is_wanted(monk
     assert not any(f"\x1b[3{colour}m" in coloured(one) for one in (error, warning) for colour in range(8))
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is full")
+@pytest.mark.parametrize(
+    "words", [("info", "d.bdf"), ("modes", "d.bdf", "--json"), ("modes", "absent.toml", "--json"), ("--help",)]
+)
+@pytest.mark.parametrize("both", [False, True])
+def test_output_on_a_full_disk_ends_with_a_message(tmp_path: Path, words: tuple[str, ...], both: bool) -> None:
+    (tmp_path / "d.bdf").write_text(_DECK)
+    with open("/dev/full", "wb") as full:
+        errors = full if both else subprocess.PIPE
+        ended = subprocess.run(
+            [sys.executable, "-m", "femtune.cli", *words], check=False, cwd=tmp_path, stdout=full, stderr=errors
+        )
+    assert ended.returncode == 2
+    if not both:
+        assert b"Traceback" not in ended.stderr
+        assert (b"disk-full" in ended.stderr) == ("absent.toml" not in words)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
+@pytest.mark.parametrize("words", [("info", "d.bdf"), ("modes", "d.bdf", "--json"), ("--help",)])
+def test_a_reader_that_has_ended_is_told_by_the_exit_code(tmp_path: Path, words: tuple[str, ...]) -> None:
+    (tmp_path / "d.bdf").write_text(_DECK)
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as closed:
+        ended = subprocess.run(
+            [sys.executable, "-m", "femtune.cli", *words], check=False, cwd=tmp_path, stdout=closed,
+            stderr=subprocess.PIPE,
+        )  # fmt: skip
+    assert ended.returncode == 141
+    assert b"Traceback" not in ended.stderr
+
+
 @pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
 @pytest.mark.parametrize(
     "words", [("info", "p.bdf"), ("check", "p.toml"), ("init", "p.bdf", "p.uff"), ("report", "p.h5")]

@@ -93,7 +93,7 @@ def test_equal_distances_take_the_lower_number_and_say_so() -> None:
     found = map_sensors(test, structure, tolerance=0.01)
     assert [m.node for m in found.matches] == [12, 12]
     assert [n.code for n in found.notices] == ["sensor.tie"]
-    assert "grid points 12 and 40 are" in found.notices[0].what
+    assert "grid points 12 and 40; grid point 12 is used" in found.notices[0].what
     chosen = map_sensors(test, structure, tolerance=0.01, given={1: 40})
     assert [(m.node, m.how) for m in chosen.matches] == [(40, "given"), (40, "given")]
     assert not chosen.notices

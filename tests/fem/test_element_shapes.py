@@ -45,9 +45,9 @@ def test_a_trapezoid_is_tapered():
 
 
 def test_a_warped_square():
-    """One corner lifted by .4: corners are .1 off the mean plane along z."""
+    """One corner lifted by 0.4: corners are 0.1 off the mean plane along z."""
     found = _quad((0, 0), (1, 0), (1, 1, 0.4), (0, 1))
-    # the plane's normal is that of the diagonals (1, 1, .4) × (−1, 1, 0)
+    # the plane's normal is that of the diagonals (1, 1, 0.4) × (−1, 1, 0)
     normal = np.array([-0.4, -0.4, 2.0]) / np.linalg.norm([-0.4, -0.4, 2.0])
     height = 0.5 * abs(0.5 * 0.4 * normal[2] * 1.0)
     diagonals = 0.5 * (np.sqrt(2.16) + np.sqrt(2.0))
@@ -114,7 +114,7 @@ def test_a_degenerate_corner():
     (found,) = (f for f in element_shapes(solid_structure(xyz, [SolidPart("hexa8", mesh.cells, STEEL)]))
                 if f.test.key == "HEX_DETJ")  # fmt: skip
     assert (found.beyond, found.ids, found.cards) == (1, (1,), ("CHEXA",))
-    # three sides (−.4, −.4, .6)… from the corner to its neighbours span −.4³·(…): the determinant by hand
+    # three sides (−0.4, −0.4, 0.6)… from the corner to its neighbours span −.4³·(…): the determinant by hand
     sides = np.array([[-0.6, 0.4, 0.4], [0.4, -0.6, 0.4], [0.4, 0.4, -0.6]])
     assert found.values[0] == pytest.approx(-np.linalg.det(sides) / 1.0)
 

@@ -83,7 +83,7 @@ def _middle_condensed_is_the_whole(structure: Structure, tolerance: float) -> No
 
 
 def _plate(n: int, cells: str, **how: float) -> Structure:
-    """1 × .7 clamped along one side, simply supported along the opposite one."""
+    """1 × 0.7 clamped along one side, simply supported along the opposite one."""
     mesh = shell_mesh(rectangle(1.0, 0.7, **how), n, n, cells)
     ends = (mesh.edge("u0"), "123456"), (mesh.edge("u1"), "3")
     held = set().union(*(dofs_of(nodes[nodes >= 0], components) for nodes, components in ends))
@@ -156,7 +156,7 @@ def test_new_points_of_a_curved_panel_lie_on_its_surface(cells: str):
     structure = shell_structure(mesh.xyz, [ShellPart(mesh.cells, Section(STEEL, 0.05))])
     xyz = refine(structure, NONE_HELD).structure.nodes.xyz
     assert np.linalg.norm(xyz[:, :2], axis=1) == pytest.approx(1.0, abs=2e-3)
-    # facets are 1 − cos(π/16) = .019 inside
+    # facets are 1 − cos(π/16) = 0.019 inside
     new = refine(structure, NONE_HELD).structure.nodes.xyz[len(mesh.xyz) :]
     assert len(new) > 0
 

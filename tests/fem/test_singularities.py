@@ -31,7 +31,7 @@ def test_held_dofs_are_not_reported():
 
 
 def test_skew_rods_leave_the_component_nearest_to_their_normal():
-    """Three rods in the plane with normal (0, .28, .96) at one node: its z is held, x and y are not."""
+    """Three rods in the plane with normal (0, 0.28, 0.96) at one node: its z is held, x and y are not."""
     xyz = [[0, 0, 0], [1.0, 0, 0], [0, 0.96, -0.28], [1.0, 0.96, -0.28]]
     structure = make_structure(xyz, [rods([[0, 1], [0, 2], [0, 3]], {**SECTION, "J": 0.0})])
     assert {d for d in found(structure, range(6, 24)) if d < 3} == {2}

@@ -73,7 +73,7 @@ def _rack() -> Surrogate:
 
 @pytest.mark.slow
 def test_the_rack_has_a_lower_minimum_than_the_published_one() -> None:
-    """On a surrogate of the array's runs: below .0053, and at most half of the value at the published parameters."""
+    """On a surrogate of the array's runs: below 0.0053, and at most half of the value at the published parameters."""
     objective, surrogate = SumOfSquares(rack_tables.MEASURED, rack_tables.MEASURED), _rack()
     lower, upper = rack_tables.BOUNDS.T
     found = surrogate_minimum(surrogate, objective, (lower, upper), SearchRules("genetic"))

@@ -48,7 +48,7 @@ def three_modes() -> Known:
 
 @pytest.fixture(scope="session")
 def eight_modes() -> Known:
-    """Twelve responses, two references; modes 3 and 4 lie .4 % apart, damping from .1 to 3 %."""
+    """Twelve responses, two references; modes 3 and 4 lie 0.4 % apart, damping from 0.1 to 3 %."""
     shapes = np.random.default_rng(7).standard_normal((12, 8)) / 3.0
     freq = np.array([8.0, 13.0, 25.0, 25.1, 37.0, 44.0, 52.0, 58.0])
     damping = np.array([0.01, 0.005, 0.001, 0.001, 0.02, 0.03, 0.004, 0.01])

@@ -107,7 +107,7 @@ class Simulated:
 
 
 def simulated(kind: str, seed: int) -> Simulated:
-    """A structure, with the modes outside the band or without, damping of .1 to 3 %, exact or rounded values."""
+    """A structure, with the modes outside the band or without, damping of 0.1 to 3 %, exact or rounded values."""
     rng = np.random.default_rng(seed)
     values, shapes = {"beam": random_beam, "frame": random_frame, "plate": random_plate}[kind](rng)
     elastic = np.flatnonzero(values > 1e-6 * np.median(values))

@@ -179,7 +179,7 @@ def test_an_impact_of_one_sample_is_no_spike_of_an_input() -> None:
 
 
 def test_the_level_of_a_channel_is_compared_with_all_others() -> None:
-    """The median of the others, whose levels are 1, 3 and .5 times that of the first."""
+    """The median of the others, whose levels are 1, 3 and 0.5 times that of the first."""
     values = _values()
     values[1] = 400.0 * np.roll(values[0], 700)
     (notice,) = check_record(_record(values))

@@ -107,7 +107,7 @@ def test_overlapping_segments_are_worth_fewer() -> None:
 
 
 def test_hits_with_an_exponential_window_have_known_added_damping() -> None:
-    """Decays of e^{−2t}: a window of τ = .5 s adds 2 rad/s, which is taken away again."""
+    """Decays of e^{−2t}: a window of τ = 0.5 s adds 2 rad/s, which is taken away again."""
     t = np.arange(_N) / _RATE
     x = np.zeros((1, _N))
     x[0, 0] = 1.0
@@ -135,7 +135,7 @@ def test_periodic_signals_have_no_leakage() -> None:
     scores = [
         np.abs(f.frfs.values - _truth(lines)) ** 2 / f.sd**2 for f in (periodic_frfs([r], _N, lines, 2) for r in noisy)
     ]
-    # of six repeats |t|² with 2 and 10 degrees of freedom has the median .7435
+    # of six repeats |t|² with 2 and 10 degrees of freedom has the median 0.7435
     assert np.median(scores) == pytest.approx(0.7435, rel=0.1)
 
 

@@ -40,7 +40,7 @@ def fit(shared_data: Path) -> ModalFit:
         lines, values = file["frequency"], file["accelerance"]
     keep = np.flatnonzero((lines >= 65.0) & (lines <= 985.0))[::5]
     points = DofSet.parse(f"{i + 1}X+" for i in range(9))
-    # the accelerometer sits at .5 m, where the fourth hit is, and looks the other way
+    # the accelerometer sits at 0.5 m, where the fourth hit is, and looks the other way
     frfs = FrfSet(lines[keep], values[:, None, keep], points, DofSet.parse(["4X-"]), "accelerance")
     table = join_tables(
         [
@@ -66,7 +66,7 @@ def test_the_driving_point_has_positive_modal_mass(fit: ModalFit) -> None:
 
 
 def _free_beam(order: int) -> np.ndarray:
-    """Euler's beam at the hits; they lie evenly about .65 m, so it is 1.3 m long."""
+    """Euler's beam at the hits; they lie evenly about 0.65 m, so it is 1.3 m long."""
     root = (4.730040745, 7.853204624, 10.99560784, 14.13716549)[order]
     x = root / 1.3 * np.array([0.1, 0.25, 0.375, 0.5, 0.65, 0.8, 0.925, 1.05, 1.2])
     s = (np.cosh(root) - np.cos(root)) / (np.sinh(root) - np.sin(root))

@@ -49,9 +49,11 @@ def test_the_gradient_is_that_of_the_squares(three_modes: Any) -> None:
     weights = np.ones(values.shape) / np.array([[1.0], [2.0], [0.5]])
 
     def cost(p: np.ndarray) -> float:
-        return float(np.sum(solve_residues(values, modal_basis(_LINES, p, frfs.kind), weights).squares * [1, 0.25, 4]))
+        return float(
+            np.sum(solve_residues(values, modal_basis(_LINES, p, frfs.kind), weights, len(p)).squares * [1, 0.25, 4])
+        )
 
-    gradient = solve_residues(values, modal_basis(_LINES, poles, frfs.kind), weights).gradient
+    gradient = solve_residues(values, modal_basis(_LINES, poles, frfs.kind), weights, len(poles)).gradient
     for j, move in enumerate([*1e-4 * np.eye(3), *1e-4j * np.eye(3)]):
         assert -2.0 * gradient[j] == pytest.approx((cost(poles + move) - cost(poles - move)) / 2e-4, rel=1e-5)
 
@@ -121,7 +123,7 @@ def test_two_modes_taken_for_one_are_told(eight_modes: Any) -> None:
 
 @pytest.mark.parametrize(("second", "told"), [(0.0, False), (0.2, True)])
 def test_a_repeated_mode_that_the_references_excite_little_is_told(second: float, told: bool) -> None:
-    """Two modes at 25 Hz, whose residues have singular values in the ratio of 1 to .2; one of them is fitted."""
+    """Two modes at 25 Hz, whose residues have singular values in the ratio of 1 to 0.2; one of them is fitted."""
     rng = np.random.default_rng(8)
     left, right = np.linalg.qr(rng.standard_normal((6, 2)))[0], np.linalg.qr(rng.standard_normal((2, 2)))[0]
     residue = left @ np.diag([1.0, second]) @ right.T
@@ -208,7 +210,7 @@ def test_the_covariance_of_the_poles_goes_on_to_frequencies_damping_and_scale(th
 
 
 def test_functions_that_disagree_on_a_frequency_widen_its_bar(three_modes: Any) -> None:
-    """One function of a structure whose second mode has moved by .5 %, as between hits of a hammer."""
+    """One function of a structure whose second mode has moved by 0.5 %, as between hits of a hammer."""
     frfs = three_modes.frfs(_LINES, noise=0.01)
     moved = dataclasses.replace(three_modes, freq_hz=np.array([10.0, 11.055, 20.0])).frfs(_LINES, noise=0.01)
     values = frfs.values.copy()
@@ -245,7 +247,7 @@ def _z_scores(known: Any, seeds: range, told: bool) -> np.ndarray:
 @pytest.mark.long
 @pytest.mark.parametrize("told", [False, True], ids=["noise from the fit", "noise told"])
 def test_intervals_cover(three_modes: Any, told: bool) -> None:
-    """200 seeds: a coverage of 95 % scatters by 1.5 % in each quantity, by about .6 % in the mean of all."""
+    """200 seeds: a coverage of 95 % scatters by 1.5 % in each quantity, by about 0.6 % in the mean of all."""
     inside = np.abs(_z_scores(three_modes, range(200), told)) < 1.96
     assert inside.mean(axis=0).min() > 0.89
     assert inside.mean() == pytest.approx(0.95, abs=0.02)

@@ -49,7 +49,7 @@ def test_damping_up_to_the_limit_or_unknown_is_not_reported() -> None:
 
 @pytest.mark.parametrize("spacing", [0.05, 0.5])
 def test_damping_that_is_not_above_zero_is_reported_and_little_damping_is_not(three_modes: Any, spacing: float) -> None:
-    """Half bandwidths of .1 % are .02 to .06 Hz; a pole that is not there lies between two lines of 1 % noise."""
+    """Half bandwidths of 0.1 % are 0.02 to 0.06 Hz; a pole that is not there lies between two lines of 1 % noise."""
     light = dataclasses.replace(three_modes, damping_ratio=np.full(3, 1e-3))
     exact = light.frfs(np.arange(4.0, 32.0, spacing) + 0.3 * spacing)
     error = np.random.default_rng(5).standard_normal((2, *exact.values.shape))

@@ -134,7 +134,7 @@ def test_frequency_domain_decomposition_finds_frequency_damping_and_shape():
 
 
 def _two_peaks():
-    """One motion with peaks of the same size and width at 2 and 3 Hz, on lines of .01 Hz."""
+    """One motion with peaks of the same size and width at 2 and 3 Hz, on lines of 0.01 Hz."""
     hz = np.linspace(0.0, 10.0, 1001)
     density = sum(1.0 / ((hz - peak) ** 2 + 0.05**2) for peak in (2.0, 3.0))
     shape = np.array([0.6, 0.8])
@@ -183,7 +183,7 @@ def test_stated_deviations_cover_the_truth():
         freq = np.abs(moved.found.freq_hz - truth.freq_hz) < T_24 * moved.freq_sd_hz
         damping = np.abs(moved.found.damping_ratio - 0.01) < T_24 * moved.damping_sd
         hits += np.concatenate([freq, damping])
-    # the binomial scatter of 1000 rounds is .7 %
+    # the binomial scatter of 1000 rounds is 0.7 %
     assert ((hits / rounds > 0.93) & (hits / rounds < 0.97)).all()
 
 

@@ -29,7 +29,7 @@ class _Made(NamedTuple):
 
 
 def _random_system(seed: int, largest: bool) -> _Made:
-    """3 to 6 modes in the band, 1 or 2 below and above, 4 to 12 responses, noise of .1 to 10 %; else smaller."""
+    """3 to 6 modes in the band, 1 or 2 below and above, 4 to 12 responses, noise of 0.1 to 10 %; else smaller."""
     rng = np.random.default_rng(seed)
     low, inside, high = rng.integers(1, 3), rng.integers(3, 7 if largest else 5), rng.integers(1, 3)
     n, u = rng.integers(4, 13 if largest else 7), rng.integers(1, 4) if largest else 2

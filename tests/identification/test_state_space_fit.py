@@ -68,7 +68,7 @@ def test_a_reciprocal_model_is_reciprocal_under_noise(eight_modes: Any) -> None:
 
 @pytest.mark.slow
 def test_residual_modes_stand_for_what_lies_outside(eight_modes: Any) -> None:
-    """Three modes of the band 10 to 30 Hz: functions are off by .1 % with residual modes, by 1 without."""
+    """Three modes of the band 10 to 30 Hz: functions are off by 0.1 % with residual modes, by 1 without."""
     frfs = in_band(eight_modes.frfs(_LINES), 10.0, 30.0)
     inside = _poles(eight_modes)[1:4]
     errors = [

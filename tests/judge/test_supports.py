@@ -114,6 +114,35 @@ def test_derivatives_at_a_rigid_support(deck: object, nodes: tuple[int, ...], co
     assert errors[1] < 0.6 * errors[0]
 
 
+def test_derivatives_at_a_few_sensors_are_those_at_all_dofs(tmp_path: Path) -> None:
+    """Many supports are solved for by the sensors, which are fewer; for all DOFs each support is solved for."""
+    rigid = _configured(tmp_path / "rigid.bdf", plate())
+    structure = rigid.model.structure
+    dofs = supported_dofs(structure, [Configuration("a")])
+    own = support_rows(rigid, dofs, np.zeros(1))
+    supports = [Support(f"c{n}", (int(dof),)) for n, dof in enumerate(own.dofs)]
+    edge = [int(dof) for dof in own.dofs if dof % 6 == 4]
+    supports = [*(s for s in supports if s.dofs[0] not in edge), Support("edge", tuple(edge))]
+    wide = widened(rigid.model, [], [], supports)
+    solution = solve_modes(configure(wide, Configuration("a")).at(np.zeros(1 + len(supports))), _MODES)
+    solver = GivingWay(direct, own, tuple(supports))
+    everywhere = sp.csr_array(sp.eye_array(rigid.n_free, format="csr"))
+    place = {int(dof): i for i, dof in enumerate(rigid.free)}
+    at = [place[structure.nodes.dof(n, 3)] for n in (23, 41, 55)]
+    seen = sp.csr_array(everywhere[at])
+    for members in ([0], [3], [1, 2]):
+        few, all_dofs = (solver.derivative(solution, members, rows) for rows in (seen, everywhere))
+        np.testing.assert_array_equal(few.stiffness, all_dofs.stiffness)
+        exact = all_dofs.outside[at]
+        assert few.outside.shape == (3, len(members), 1 + len(supports))
+        # each support by itself, since translations and rotations have other units; bending moves no support in plane
+        bending = [1 + k for k, s in enumerate(supports) if s.dofs[0] % 6 in {2, 3, 4}]
+        largest = np.abs(exact).max(axis=(0, 1))[bending]
+        worst = np.abs(few.outside - exact).max(axis=(0, 1))[bending] / largest
+        assert len(bending) == 11
+        assert 1e-14 < worst.max() < 1e-4
+
+
 def test_the_eigenvalue_by_complex_step(tmp_path: Path) -> None:
     """Of the matrices with the DOF condensed exactly, at a complex compliance."""
     rigid = _configured(tmp_path / "rigid.bdf", beam())

@@ -14,7 +14,7 @@ _CASES = {
     "write.differs": FemtuneError(
         "write.differs",
         values={"deck as written": "run/unverified.bdf"},
-        difference="mode 3 (as the deck) has 41.02 Hz instead of 40.87 Hz",
+        difference="mode 3 (baseline) has 41.02 Hz instead of 40.87 Hz",
     ),
 }
 

@@ -110,7 +110,7 @@ def test_modal_scale_factor_is_the_least_squares_one() -> None:
 
 
 def test_comac_by_hand() -> None:
-    # rows of unit columns: (.6, .8) against (.8, .6) and equal second columns
+    # rows of unit columns: (0.6, 0.8) against (0.8, 0.6) and equal second columns
     test = np.array([[0.6, 1.0], [0.8, 0.0], [0.0, 0.0]])
     model = np.array([[0.8, 1.0], [0.6, 0.0], [0.0, 0.0]])
     first = (0.48 + 1.0) ** 2 / ((0.36 + 1.0) * (0.64 + 1.0))

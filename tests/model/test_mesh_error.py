@@ -45,7 +45,7 @@ def _cantilever_hz(count: int) -> NDArray[np.float64]:
 
 
 def plate(sides: int, triangles: bool = False) -> str:
-    """1 × .8 m, 10 mm, simply supported, in bending only; the middles of its edges must be supported too."""
+    """1 × 0.8 m, 10 mm, simply supported, in bending only; the middles of its edges must be supported too."""
 
     def node(i: int, j: int) -> int:
         return 1 + i + j * (sides + 1)
@@ -93,7 +93,7 @@ def test_bars_with_consistent_mass_err_less_than_the_refinement_says(tmp_path: P
 @pytest.mark.quick(0)
 @pytest.mark.parametrize("triangles", [False, True], ids=["CQUAD4", "CTRIA3"])
 def test_plates_err_as_the_refinement_says(triangles: bool, tmp_path: Path) -> None:
-    """Within a factor of two of true errors above .5 %, which is what the estimate is for; the largest within a third.
+    """Within a factor of two of true errors above 0.5 %, which is what the estimate is for; the largest within a third.
 
     Below, errors of mass, bending and residual flexibility of CQUAD4 cancel, and not alike on both meshes.
     """

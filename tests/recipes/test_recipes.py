@@ -29,7 +29,15 @@ class Size:
     lines: int
 
 
-_SIZES = {"card": Size(2, 50), "residual": Size(2, 60), "reader": Size(2, 60), "key": Size(2, 10), "step": Size(8, 250)}
+_SIZES = {
+    "card": Size(2, 50),
+    "residual": Size(2, 60),
+    "reader": Size(2, 60),
+    "key": Size(2, 10),
+    "kind": Size(2, 30),
+    "command": Size(1, 10),
+    "step": Size(8, 250),
+}
 
 
 def _followed(name: str, package: Path) -> tuple[set[str], int]:

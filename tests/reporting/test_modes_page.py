@@ -107,7 +107,7 @@ def test_rigid_body_modes_share_a_row_and_carry_everything(plate: Path) -> None:
     assert rows[0][4:6] == ["100.00", "100.00"]
     assert all(line[4:6] == ["–"] * 2 for line in rows[1:3])
     assert rows[-2][:2] == ["all", "sum"]
-    # quadrilateral of 1 m², triangle of .5 m², bar
+    # quadrilateral of 1 m², triangle of 0.5 m², bar
     assert float(rows[-1][4]) == pytest.approx(7850 * (0.01 * 1.5 + 1e-3 * 2**0.5), rel=1e-4)
 
 

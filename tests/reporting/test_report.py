@@ -109,7 +109,7 @@ def test_the_report_says_which_point_the_result_is(data: dict[str, Any], arrays:
     document = build_report(Results.model_validate(data), arrays)
     text = " ".join(_texts(_section(document, "convergence")).split())
     assert "The result is a minimum within the bounds: χ² = 13.56." in text
-    assert "2 parameters at a bound, 1 with a negative multiplier" in text
+    assert "2 parameters at a bound, 1 of which would fit better inside the bounds" in text
     data["update"]["smallest_change"] = {
         "chi_square": 13.56, "allowed": 0.25, "increase": 0.24, "weight": 0.3, "size": 2.0, "optimum_size": 7.5,
         "optimum": [1.0] * len(data["update"]["history_parameters"]), "optimum_at_bound": ["Icx2"],

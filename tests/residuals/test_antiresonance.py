@@ -59,7 +59,7 @@ def exact_zeros(at: np.ndarray = LIGHT) -> dict[tuple[str, str], list[float]]:
 
 @pytest.mark.slow
 def test_they_are_found_where_the_undamped_model_has_them() -> None:
-    """To a few thousandths where what damps them is a loss factor below .05."""
+    """To a few thousandths where what damps them is a loss factor below 0.05."""
     found = measured_antiresonances(functions())
     exact = exact_zeros()
     assert len(found) == 11

@@ -124,7 +124,7 @@ def test_jacobian_of_static_residuals(residual: Residual):
 
 
 def two_dof(loads: tuple[tuple[float, float], ...]) -> ComparedCase:
-    """Springs k1 and k3 to ground, k2 between two masses; measured at k = (1.2, .8, 1) (handbook chapter, Fig. 1)."""
+    """Springs k1 and k3 to ground, k2 between two masses; measured at k = (1.2, 0.8, 1) (handbook chapter, Fig. 1)."""
     model = factor_model(
         spring_structure([(-1, 0, 1.0), (0, 1, 1.0), (-1, 1, 1.0)], [1.0, 1.0]), {"k1": [1], "k2": [2], "k3": [3]}
     )

@@ -24,7 +24,7 @@ def functions(x: np.ndarray) -> FrfSet:
 
 
 def found(test: FrfSet, model: FrfSet) -> list[Notice]:
-    return list(against_model(test, model.values, np.isfinite(test.values), "as the deck"))
+    return list(against_model(test, model.values, np.isfinite(test.values), "baseline"))
 
 
 @pytest.fixture(scope="module")
@@ -103,4 +103,4 @@ def test_one_output_that_the_model_misses_has_no_level_of_its_own(test: FrfSet, 
 def test_too_few_values_say_nothing(test: FrfSet, start: FrfSet) -> None:
     few = np.zeros(test.values.shape, bool)
     few[0, 0, :5] = True
-    assert against_model(replace(test, values=-test.values), start.values, few, "as the deck") == ()
+    assert against_model(replace(test, values=-test.values), start.values, few, "baseline") == ()

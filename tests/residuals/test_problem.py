@@ -157,11 +157,34 @@ def test_tracking_keeps_the_motion():
     assert there.states[0].groups == (((0,), (1,)), ((1,), (0,)))
     events = describe_change(start.states[0].case, start.states[0].groups, there.states[0].groups)
     assert events == [
-        "as the deck: test mode A with model mode 1 before, with model mode 2 now",
-        "as the deck: test mode B with model mode 2 before, with model mode 1 now",
+        "baseline: test mode A with model mode 1 before, with model mode 2 now",
+        "baseline: test mode B with model mode 2 before, with model mode 1 now",
     ]
     assert sum(len(tests) for state in there.states for tests, _ in state.groups) == 2
     assert problem.pair_again(there) is there
+
+
+def test_states_of_another_model_are_paired_as_an_evaluation():
+    problem = problem_of(chain_case(), FORMS["frequency"])
+    end = problem.start(np.zeros(3))
+    first, second, third = end.states[0].groups
+    (fresh,) = problem.solved(np.zeros(3))
+    # what a fresh pairing would drop stays
+    (kept,) = problem.paired_as(end, [fresh.with_groups((first, second))])
+    assert kept.groups == (first, second, third)
+    # another partner counts, unless a test mode would lose its own
+    swapped = ((0,), (1,)), ((1,), (0,)), third
+    (other,) = problem.paired_as(end, [fresh.with_groups(swapped)])
+    assert other.groups == swapped
+    (held,) = replace(problem, pairing_held=True).paired_as(end, [fresh.with_groups(swapped)])
+    assert held.groups == end.states[0].groups
+    (robbed,) = problem.paired_as(end, [fresh.with_groups((((1,), (0,)), third))])
+    assert robbed.groups == end.states[0].groups
+    # test modes that were compared as one subspace still are
+    joined = replace(end, states=(end.states[0].with_groups((((0, 1), (0, 1)), third)),))
+    assert problem.paired_as(joined, [fresh])[0].groups == (((0, 1), (0, 1)), third)
+    # nothing to change
+    assert problem.paired_as(end, [fresh]) == [fresh]
 
 
 def test_tracking_at_exact_crossing_stays_finite():
@@ -210,7 +233,7 @@ def test_mean_error_of_equal_misfits_is_their_size():
     found = problem_of(off, FORMS["frequency"]).start(np.array(TRUTH))
     assert found.mean_error == pytest.approx(0.03, rel=1e-9)
     assert [b.error for b in found.blocks] == pytest.approx([0.03] * 3)
-    assert found.blocks[0].label == "as the deck mode 1 frequency"
+    assert found.blocks[0].label == "baseline mode 1 frequency"
 
 
 def test_modes_that_alternate_are_those_that_share_a_group_or_a_partner():

@@ -24,7 +24,7 @@ def _frfs(values: np.ndarray, coherence: np.ndarray | None = None) -> FrfSet:
 
 
 def test_the_deviation_from_coherence_is_that_of_averaged_spectra() -> None:
-    """H₁ estimates from n averages of Gaussian spectra, with noise on the output that makes the coherence .7."""
+    """H₁ estimates from n averages of Gaussian spectra, with noise on the output that makes the coherence 0.7."""
     rng = np.random.default_rng(3)
     n, draws, coherence, H = 50, 10_000, 0.7, 2.0 - 1.0j
     x, noise = ((rng.standard_normal((draws, n)) + 1j * rng.standard_normal((draws, n))) for _ in range(2))

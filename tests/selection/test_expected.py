@@ -139,5 +139,5 @@ def test_residuals_as_large_as_the_noise_are_no_misfit() -> None:
         expected_knowledge(identified(0.2 * rng.standard_normal(500), J, 0.2), PRIOR, NAMES, updated=True).misfit
         for _ in range(30)
     ]
-    # at 1 %, three or more of 30 have a probability of .3 %
+    # at 1 %, three or more of 30 have a probability of 0.3 %
     assert sum(m > 1.0 for m in found) < 3

@@ -145,7 +145,7 @@ def test_one_candidate_without_freedom_is_tested_by_the_normal_distribution() ->
 
 @pytest.mark.parametrize("count", [2, 8, 30])
 def test_orthogonal_candidates_of_stated_variance_are_independent(count: int) -> None:
-    """The largest of as many independent squares; 10,000 directions leave an error of .2 %."""
+    """The largest of as many independent squares; 10,000 directions leave an error of 0.2 %."""
     r = np.zeros(count)
     r[0] = 2.8
     p = forward_selection(np.eye(count), r, _names(count)).steps[0].p_value

@@ -69,7 +69,7 @@ def measured(path: Path, labels: tuple[str, ...] = LABELS, count: int = 4, **opt
 
 TRUE = (("PBAR    1       1       1.0-3   2.0-7 ", "PBAR    1       1       1.0-3   2.6-7 "),
         ("PBAR    2       1       1.0-3   2.0-7 ", "PBAR    2       1       1.0-3   1.7-7 "))  # fmt: skip
-"""The root of the real beam is 1.3 times, its tip .85 times as stiff as in the deck."""
+"""The root of the real beam is 1.3 times, its tip 0.85 times as stiff as in the deck."""
 
 
 @dataclass

@@ -42,7 +42,7 @@ def bench(tmp_path: Path) -> Bench:
 
 @pytest.fixture(scope="session")
 def true_test(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The test of a beam whose root and tip have 1.3 and .85 times the stiffness of the deck, solved once for all."""
+    """The test of a beam whose root and tip have 1.3 and 0.85 times the stiffness of the deck, solved once for all."""
     made = Bench(tmp_path_factory.mktemp("truth"))
     return made.uff(made.measure(made.truth()))
 

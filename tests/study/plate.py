@@ -6,7 +6,7 @@ NX, NY = 8, 6
 
 
 def plate_deck(clamped: bool = False, *extra: str) -> str:
-    """A plate of .8 × .6 m with its grid points numbered by row, 1 at the origin; clamped along x = 0 or free."""
+    """A plate of 0.8 × 0.6 m with its grid points numbered by row, 1 at the origin; clamped along x = 0 or free."""
     lines = ["SOL 103", "CEND", "METHOD = 1", *(["SPC = 1"] if clamped else []), "BEGIN BULK", "PARAM,COUPMASS,1"]
     for j in range(NY + 1):
         for i in range(NX + 1):

@@ -165,7 +165,7 @@ def test_held_out_channels_are_compared_with_the_measured_damping(bench: Bench) 
     inside = (lines >= 60.0) & (lines <= 150.0)
     assert np.isnan(test[inside]).all()
     assert np.isfinite(test[~inside]).all()
-    # .4 % measured at the first resonance; with 2 % its peak would be a fifth
+    # 0.4 % measured at the first resonance; with 2 % its peak would be a fifth
     model = run.arrays[curves.values_key][at, 0]
     assert np.abs(model[~inside] / test[~inside] - 1.0).max() < 0.2
     deviations = run.results.validation.deviations
@@ -238,7 +238,7 @@ def test_a_bootstrap_of_the_identified_test_has_the_spread_of_repeated_tests(ben
     assert found.drawn_from == len(LINES)
     assert found.converged == 100
     assert found.checked == 1
-    # ten tests: their standard deviations lie between .4 and 1.8 of the true ones but for one in a thousand
+    # ten tests: their standard deviations lie between 0.4 and 1.8 of the true ones but for one in a thousand
     ratio = np.array([p.sd for p in found.parameters]) / np.std(repeated, axis=0, ddof=1)
     assert (ratio > 0.5).all(), ratio
     assert (ratio < 2.7).all(), ratio

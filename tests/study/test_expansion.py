@@ -63,7 +63,7 @@ def test_the_file_has_the_shapes_on_the_mesh_of_the_model(few: Bench) -> None:
     assert {d.node for d in test.modes.dofs} == {2, 3, 4, 5}
     assert test.geometry.nodes.tolist() == [1, 2, 3, 4, 5]
     assert (1, 2) in test.geometry.elements
-    wanted = found.expanded["as the deck"]
+    wanted = found.expanded["baseline"]
     np.testing.assert_allclose(test.modes.freq_hz, wanted.freq_hz, rtol=1e-5)
     one = test.modes.select_dofs(wanted.dofs.common(test.modes.dofs))
     np.testing.assert_allclose(one.shapes, wanted.select_dofs(one.dofs).shapes, atol=2e-6 * np.abs(wanted.shapes).max())

@@ -120,7 +120,7 @@ def test_direct_frfs_find_modulus_and_loss_factor(rubber: Bench):
     assert values == pytest.approx({"stiffness": 1.3, "loss": 0.8}, rel=1e-4)
     assert [a.sentence for a in found.results.alerts if a.level == "problem"] == []
     last = found.results.responses[-1]
-    assert last.configuration == "as the deck"
+    assert last.configuration == "baseline"
 
 
 @pytest.mark.slow

@@ -71,7 +71,7 @@ def test_a_study_that_states_the_band_only_ends_at_the_truth(with_frfs: Bench, m
 
 @pytest.mark.slow
 def test_precise_measurements_take_more_modes(with_frfs: Bench) -> None:
-    """Modes up to twice the highest line would leave .2 σ: further ones are taken until the error is small."""
+    """Modes up to twice the highest line would leave 0.2 σ: further ones are taken until the error is small."""
     run = run_with(with_frfs, f"to_hz = {HIGHEST}\nsd = 0.0005", "[modes]\ncount = 4\n")
     within_a_tenth_of_sigma(run)
     assert run.results.update is not None

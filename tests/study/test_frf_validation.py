@@ -42,7 +42,7 @@ masses = [{{ node = {node}, mass = {mass} }}]
 """
 
 
-def by_criterion(run: RunResult, configuration: str = "as the deck") -> dict[str, ValidationVerdict]:
+def by_criterion(run: RunResult, configuration: str = "baseline") -> dict[str, ValidationVerdict]:
     assert run.results.validation is not None
     return {
         v.criterion.removesuffix(", own criterion"): v
@@ -117,7 +117,7 @@ def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
     assert "forced response" not in alert.sentence
     page = Path(ft.report(run.folder)).read_text()
     assert "Measured FRFs that the update did not use" in page
-    assert "Measured FRFs of as the deck that the update did not use, and those of the updated model" in page
+    assert "Measured FRFs of baseline that the update did not use, and those of the updated model" in page
     (curves,) = found.curves
     test = run.arrays[curves.test_values_key]
     known = [curves.outputs[i] for i in np.flatnonzero(np.isfinite(test).any(axis=(1, 2)))]

@@ -57,7 +57,7 @@ def test_update_and_report(tmp_path: Path) -> None:
     assert "no deck" in text
     assert "Values for the other solver" in text
     assert "as the deck" not in text
-    assert run.results.study.configurations == ("as imported",)
+    assert run.results.study.configurations == ("baseline",)
     assert run.results.study.imported
     assert [m.stage for m in run.results.mode_shapes] == ["before", "after"]
     assert {f.path for f in run.results.provenance.input_files} >= {"lower.mtx", "mass.mtx", "rows.dof", "chain.uff"}
@@ -203,7 +203,7 @@ def test_the_factor_of_a_matrix_of_a_deck_is_updated_without_a_deck(tmp_path: Pa
     (tmp_path / "deck.bdf").write_text(GRIDS.format(factor=2.5))
     (tmp_path / "true.bdf").write_text(GRIDS.format(factor=3.0))
     sensors = DofSet.parse(["1X+", "2X+", "3X+"])
-    modes = ft.modes(tmp_path / "true.bdf").mode_sets["as the deck"].select_dofs(sensors)
+    modes = ft.modes(tmp_path / "true.bdf").mode_sets["baseline"].select_dofs(sensors)
     write_uff_modes(tmp_path / "chain.uff", ModalTest("chain", SI, modes=modes))
     (tmp_path / "study.toml").write_text(
         '[study]\ntitle = "x"\nunits = "m-kg-s"\ndeck = "deck.bdf"\n[modes]\ncount = 3\n'

@@ -10,6 +10,7 @@ import typing
 from hashlib import sha256
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 from pydantic import BaseModel
@@ -26,6 +27,7 @@ from femtune.files.study_file.reading import study_from_text
 from femtune.journal.owner import owner_of
 from femtune.journal.run_files import OWNER_FILE, RUN_FILES, UPDATES, made_by
 from femtune.steps.held_folder import held
+from femtune.steps.step import FILE
 from femtune.study.inputs import check_outputs, named_inputs
 from femtune.study.provenance import inputs_of
 from femtune.study.study import read_study
@@ -199,6 +201,50 @@ def test_a_file_named_on_the_command_line_is_no_input(folder: Path, words: str) 
     message = refused(word, "s.toml", *more, "repeats.csv")
     assert "quantify.repeats" in message
     assert path.with_name("repeats.csv").read_text() == "1,2\n1,2\n"
+
+
+_READS: dict[str, tuple[str, ...]] = {
+    "init": ("d.bdf", "t.uff", "new"), "compare": ("d.bdf", "d.bdf"), "identify": ("t.uff",),
+}  # fmt: skip
+"""Arguments of commands that do not read a study."""
+_WITH: dict[str, tuple[str, ...]] = {
+    "modes --uff": ("--sensor", "5Z+"),
+    "correlate --uff": ("--expand", "serep"),
+    "respond --uff": ("--from", "5", "--to", "9", "--step", "1"),
+    "search --csv": ("--front", "3"),
+}
+"""Options without which another one has no meaning."""
+
+
+def _writing_options() -> list[str]:
+    """Every option of every command that names a file or a folder which femtune writes."""
+    context = click.Context(main)
+    commands = {name: main.get_command(context, name) for name in main.list_commands(context)}
+    return [
+        f"{name} {param.opts[0]}"
+        for name, command in commands.items()
+        if command is not None
+        for param in command.params
+        if isinstance(param, click.Option) and param.type is FILE
+    ]
+
+
+def test_options_that_name_a_file_are_known() -> None:
+    assert len(_writing_options()) > 40
+    assert set(_WITH) <= set(_writing_options())
+
+
+@pytest.mark.quick(6)
+@pytest.mark.parametrize("option", _writing_options())
+def test_no_option_of_any_command_writes_to_an_input(folder: Path, option: str) -> None:
+    study(folder, more='[quantify]\nrepeats = "repeats.csv"\n')
+    (folder / "repeats.csv").write_text("1,2\n27,44\n27.1,44.1\n26.9,43.9\n27.05,44.2\n")
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    command, name = option.split()
+    words = [command, *_READS.get(command, ("s.toml",)), *_WITH.get(option, ())]
+    for target in ("s.toml", "d.bdf", "t.uff", "repeats.csv"):
+        assert refused(*words, name, target)
+        assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_a_catalogue_that_a_study_names_stays(folder: Path) -> None:

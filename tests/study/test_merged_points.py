@@ -41,7 +41,7 @@ def test_page_shows_the_remark() -> None:
         "model.merged-points",
         Notice(
             "model.merged-points",
-            configuration="as the deck",
+            configuration="baseline",
             count=6,
             after="2.534, 10.32, 15.6 Hz",
             before="10.12, 23.68, 36.79 Hz above 6 rigid-body modes",

@@ -36,7 +36,7 @@ def test_info_says_why_the_mesh_is_not_tested(beam: Bench, monkeypatch: pytest.M
     """Modes that cannot be solved are no reason to say nothing of the deck."""
 
     def no_modes(*_: object) -> None:
-        raise FemtuneError("eigen.no-mass", configuration="as the deck")
+        raise FemtuneError("eigen.no-mass", configuration="baseline")
 
     monkeypatch.setattr("femtune.steps.info.checks.solve", no_modes)
     found = _by_check(ft.info(beam.study()).record.checks)["mesh"]

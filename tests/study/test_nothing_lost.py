@@ -123,7 +123,7 @@ def test_progress_names_the_steps_in_their_order(beam: Bench) -> None:
     ft.run(beam.study(), progress=told)
     heads = [text.split(":")[0] for text, _, _ in told.lines]
     assert list(dict.fromkeys(heads)) == [
-        "reading the deck", "configuration as the deck", "mass and rigid-body check", "solving and pairing the modes",
+        "reading the deck", "configuration baseline", "mass and rigid-body check", "solving and pairing the modes",
         "modes and correlation, before", "sensitivities", "measures of the parameters", "mass and mesh", "update",
         "modes and correlation, after", "writing the updated deck", "modes and correlation, after as written",
         "χ² along the principal axes of the covariance", "fields that are no parameters",

@@ -64,7 +64,7 @@ def test_a_plan_of_a_plain_deck(free: Path) -> None:
 @pytest.mark.slow
 def test_numbers_of_the_set_are_those_of_the_shapes_at_its_points(free: Path) -> None:
     found = ft.plan(free, modes=[7, 8, 9, 10], uniaxial=6)
-    shapes = ft.modes(free, count=12).mode_sets["as the deck"]
+    shapes = ft.modes(free, count=12).mode_sets["baseline"]
     rows = shapes.select_dofs(shapes.dofs.parse(dof for s in found.record.sensors for dof in s.dofs)).shapes[:, 6:10]
     own = outcome_of(rows)
     chosen = found.record.chosen
@@ -106,7 +106,7 @@ def test_targets_of_a_band_are_solved_for(free: Path) -> None:
 @pytest.mark.quick(0)
 def test_placed_sets_are_better_than_random_ones(free: Path, method: str, weighting: str) -> None:
     found = ft.plan(free, uniaxial=9, method=method, weighting=weighting, uniaxial_threshold=0.0)
-    shapes = ft.modes(free).mode_sets["as the deck"]
+    shapes = ft.modes(free).mode_sets["baseline"]
     z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, grid_at(NX, NY) + 1))).shapes[:, 6:]
     rng = np.random.default_rng(0)
     others = [log_det(information_of(z[rng.choice(len(z), 9, replace=False)])) for _ in range(500)]
@@ -276,7 +276,7 @@ def test_the_page_can_be_kept_as_results(free: Path) -> None:
 
 def test_how_a_plan_shows_itself(free: Path) -> None:
     found: PlanResult = ft.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=4)
-    assert repr(found).startswith("PlanResult: as the deck: 1 triaxial, 4 uniaxial sensors for 3 target modes")
+    assert repr(found).startswith("PlanResult: baseline: 1 triaxial, 4 uniaxial sensors for 3 target modes")
     assert found.sensors.column("kind").tolist() == ["triaxial"] + ["uniaxial"] * 4
     assert found.modes[0].number == 7
 
@@ -317,7 +317,7 @@ def test_only_the_configuration_that_is_asked_for_is_planned(tmp_path: Path) -> 
 def test_exciters_excite_every_target_mode(free: Path) -> None:
     found = ft.plan(free, modes="7 THRU 12", uniaxial=12, exciters=2)
     assert [e.name for e in found.record.exciters] == ["E1", "E2"]
-    shapes = ft.modes(free).mode_sets["as the deck"]
+    shapes = ft.modes(free).mode_sets["baseline"]
     z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, grid_at(NX, NY) + 1))).shapes[:, 6:12]
     levels = (z**2 / (z**2).max(axis=0))[[e.node - 1 for e in found.record.exciters]]
     assert [m.level for m in found.record.excitation] == pytest.approx(levels.max(axis=0), rel=1e-6)

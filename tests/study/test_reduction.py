@@ -90,7 +90,7 @@ def test_progress_says_cost_order_and_errors(bench: Bench) -> None:
     bench.uff(bench.measure(bench.truth()))
     heard = _Heard()
     run = ft.update(bench.study(EI + "[reduction]\nfull_solutions = 12\n"), progress=heard)
-    first = "reduced model of as the deck: at most 12 full solutions; computing the first"
+    first = "reduced model of baseline: at most 12 full solutions; computing the first"
     own = [line for line in heard.lines if line[0].startswith(("reduced model", "search"))]
     assert own[0] == (first, 0, 12)
     solved = [done for text, done, total in own if total == 12]

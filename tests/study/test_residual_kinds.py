@@ -92,7 +92,7 @@ upper = 5.0
     ("kind", "tail"), [("complex-eigenvalue", ""), ("damping", ""), ("complex-eigenvalue", "[reduction]\n")]
 )
 def test_kinds_of_poles(kind: str, tail: str, bench: Bench):
-    """A loss factor η of the whole beam: λ = iω√(1 + iη) for every mode; the deck has η = .01, the beam .03."""
+    """A loss factor η of the whole beam: λ = iω√(1 + iη) for every mode; the deck has η = 0.01, the beam 0.03."""
     bench.write("beam.bdf", CANTILEVER.replace(PLAIN, DAMPED))
     test = bench.measure(bench.truth())
     assert test.modes is not None
@@ -181,12 +181,12 @@ def test_a_study_without_any_mode(bench: Bench):
     assert "no modes; static displacement, mass, centre of gravity and inertia" in html
     assert "All residuals" in html
     (pull,) = [c for c in update.comparisons if c.kind == "static displacement"]
-    # three displacements beside the largest: the stiffer root is 1.3, the softer tip .85 times the deck's
+    # three displacements beside the largest: the stiffer root is 1.3, the softer tip 0.85 times the deck's
     start = displacements(bench.folder / "beam.bdf")
     true = displacements(truth)
     rms = 100.0 * np.sqrt(np.mean((start - true) ** 2)) / np.abs(true).max()
     assert pull.error_before_percent == pytest.approx(rms, rel=1e-6)
-    assert (pull.configuration, pull.label, pull.count) == ("as the deck", "bench", 3)
+    assert (pull.configuration, pull.label, pull.count) == ("baseline", "bench", 3)
     assert "weighted mean error" in html
     assert "Traceback" not in html
 
@@ -249,7 +249,7 @@ def test_modes_that_nothing_compares_are_named(beam: Bench):
     table = f'[[residual]]\nkind = "static-force"\nname = "b"\n{LOAD}\n{measured_table(beam.truth())}\nsd = 1.0\n'
     silent = run(beam, table)
     (told,) = [a.sentence for a in silent.results.alerts if a.code == "residual.modes-unused"]
-    assert told.startswith("as the deck: ")
+    assert told.startswith("baseline: ")
     # they are still compared with the updated model
     last = next(c for c in silent.results.correlations if c.stage == "after")
     assert max(abs(p.freq_error_percent) for p in last.pairs) < 1e-3

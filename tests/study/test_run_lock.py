@@ -103,6 +103,18 @@ def test_another_machine_counts_as_alive(tmp_path: Path) -> None:
     assert (tmp_path / LOCK_FILE).exists()
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the kernel of Linux has a name")
+def test_a_killed_run_of_another_container_is_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    signed(tmp_path, host="5f1c0e6a2b7d", kernel="of another machine")
+    assert code(tmp_path) == "run.locked"
+    signed(tmp_path, host="5f1c0e6a2b7d", kernel=kernel)
+    assert code(tmp_path) == ""
+    with locked(tmp_path):
+        monkeypatch.setattr(platform, "node", lambda: "5f1c0e6a2b7d")
+        assert code(tmp_path) == "run.locked"
+
+
 @pytest.mark.parametrize("text", ["", "{", "[" * 9999, "[1]", '{"pid": 1}', "\x00\xff", '{"host": "elsewhere"}'])
 def test_a_lock_that_says_nothing_is_taken_over(tmp_path: Path, text: str) -> None:
     (tmp_path / LOCK_FILE).write_bytes(text.encode("latin-1"))

@@ -115,7 +115,7 @@ def test_designs_and_files(bench: Bench) -> None:
     assert [a.code for a in found.record.alerts] == ["screen.saturated"]
     assert {row.f_value for row in found.effects} == {None}
     lines = csv.read_text().splitlines()
-    assert lines[0].startswith('root,tip,mass,"as the deck, mode 1, Hz"')
+    assert lines[0].startswith('root,tip,mass,"baseline, mode 1, Hz"')
     read = np.loadtxt(csv, delimiter=",", skiprows=1)
     np.testing.assert_array_equal(read, found.runs)
     text = page.read_text()
@@ -142,7 +142,7 @@ def test_runs_that_fail_are_left_out_and_named(bench: Bench, monkeypatch: pytest
 
     def failing(self: FollowedModes, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if np.allclose(x, [-0.2, 0.0, 0.0]):
-            raise FemtuneError("eigen.no-mass", configuration="as the deck")
+            raise FemtuneError("eigen.no-mass", configuration="baseline")
         return whole(self, x)
 
     monkeypatch.setattr(FollowedModes, "at", failing)

@@ -104,7 +104,7 @@ def _failing(monkeypatch: pytest.MonkeyPatch, above: float) -> None:
 
     def failing(self: UpdateProblem, x: np.ndarray, *more: object, **words: object) -> object:
         if x[0] > above:
-            raise FemtuneError("eigen.no-mass", configuration="as the deck")
+            raise FemtuneError("eigen.no-mass", configuration="baseline")
         return follow(self, x, *more, **words)  # type: ignore[arg-type]
 
     monkeypatch.setattr(UpdateProblem, "follow", failing)

@@ -38,7 +38,7 @@ def test_every_parameter_has_its_order_and_information(beam: Bench):
 
 
 def test_the_parameters_that_are_wrong_explain_the_residual(beam: Bench):
-    """Root 1.3, tip .85; the mass at the tip is right."""
+    """Root 1.3, tip 0.85; the mass at the tip is right."""
     mass = bounded("mass", "CONM2 9 M")
     found = _measures(beam.study(EI + mass))
     assert "root" in [s.parameter for s in found.subset if s.chosen][:1]
@@ -64,7 +64,7 @@ def test_a_parameter_is_tested_by_the_independent_residuals_of_shapes(bench: Ben
 
 @pytest.mark.slow
 def test_relative_weights_mean_the_same_in_any_unit(bench: Bench):
-    """With estimated variance only ratios of the standard deviations count: 1 and 5 say what .01 and .05 say."""
+    """With estimated variance only ratios of the standard deviations count: 1 and 5 say what 0.01 and 0.05 say."""
     bench.uff(bench.measure(bench.truth()))
 
     def ratios(frequency: float, shape: float, scatter: str) -> list[float]:

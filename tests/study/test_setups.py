@@ -117,7 +117,7 @@ def test_no_number_of_jobs(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [6, pytest.param(15, marks=pytest.mark.long)])
 def test_many_setups_have_the_true_shapes(tmp_path, count):
-    """Merged shapes have a MAC of at least .999 with the truth."""
+    """Merged shapes have a MAC of at least 0.999 with the truth."""
     points = min(POINTS, len(REFERENCES) + count)
     check_merged(identify(written(tmp_path, np.random.default_rng(0), roving(count), 1200.0)), 0.999, points)
 

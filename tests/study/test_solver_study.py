@@ -318,7 +318,7 @@ TRUE_E, TRUE_I1 = 0.93, 7.4e-9
 
 OWN = """
 import femtune as ft
-modes = ft.modes("beam.bdf", count=6).mode_sets["as the deck"]
+modes = ft.modes("beam.bdf", count=6).mode_sets["baseline"]
 with open("modes.txt", "w") as out:
     print(*(repr(float(f)) for f in modes.freq_hz), file=out)
     for dof, row in zip(modes.dofs, modes.shapes):

@@ -80,7 +80,7 @@ def test_own_numbers_decide(beam: Bench) -> None:
         assert (one.verdict, one.criterion) == (verdict, "frequency error, own criterion")
         assert one.measured == pytest.approx(miss, rel=1e-6)
         assert one.required == pytest.approx(limit, rel=1e-6)
-        assert one.sentence.startswith(f"as the deck, {one.data}: {verdict}: frequency error {miss:.3g} %")
+        assert one.sentence.startswith(f"baseline, {one.data}: {verdict}: frequency error {miss:.3g} %")
 
 
 @pytest.mark.slow
@@ -103,7 +103,7 @@ def test_held_out_sensors_are_predicted_by_shape(beam: Bench) -> None:
     tail += "shape_error = 0.02\nmac = 0.99\nshape_sd = 0.01"
     run = ft.update(beam.study(beam.parameters + tail))
     found = _validation(run)
-    assert found.held_out_sensors == ("as the deck: 4Y+", "as the deck: 4Z+")
+    assert found.held_out_sensors == ("baseline: 4Y+", "baseline: 4Z+")
     assert [v.verdict for v in found.verdicts] == ["pass", "pass"]
     assert {v.data for v in found.verdicts} == {"held-out sensors"}
     assert len(found.shapes) == 4
@@ -285,7 +285,7 @@ def test_the_page_marks_modes_that_the_update_did_not_see(beam: Bench) -> None:
     page = run.report.read_text()
     modes = page[page.index('id="modes"') : page.index('id="mode_shapes"')]
     assert modes.count("not used in the update") == 1
-    assert "as the deck: beyond the frequencies used" in page
+    assert "baseline: beyond the frequencies used" in page
 
 
 @pytest.mark.slow

@@ -176,7 +176,7 @@ def test_intervals_cover_responses_that_are_what_kriging_assumes(correlation: st
 
 @pytest.mark.slow
 def test_runs_of_the_array_alone_predict_the_others_of_the_rack() -> None:
-    """Constant trend, Gaussian correlation, estimated noise, logarithms: within 1.2 % (the source: .5 %, 150 runs)."""
+    """Constant trend, Gaussian correlation, estimated noise, logarithms: within 1.2 % (the source: 0.5 %, 150 runs)."""
     surrogate = fit_surrogate(rack_tables.RUNS, rack_tables.FREQUENCIES, KrigingRules(logarithms=True))
     fresh = np.abs(surrogate.predict(rack_tables.FRESH_RUNS) / rack_tables.FRESH_FREQUENCIES - 1.0)
     assert fresh.max() < 0.012

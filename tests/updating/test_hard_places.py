@@ -32,7 +32,7 @@ class Formula(Residual):
 
 
 def problem_of(k: int, values: Callable[[Reals], Reals], slopes: Callable[[Reals], Reals]) -> UpdateProblem:
-    """Parameters 1 + x between .05 and 3."""
+    """Parameters 1 + x between 0.05 and 3."""
     springs = [(-1, i, 100.0) for i in range(k)]
     names = {f"p{i}": [i + 1] for i in range(k)}
     model = factor_model(spring_structure(springs, [1.0] * k), names, (0.05, 3.0))
@@ -44,7 +44,7 @@ WIDTHS = np.array([1e-6, 2e-6, 4e-6])
 
 
 def canyon_values(x: Reals) -> Reals:
-    """A bowl about (1, .5) of height zero, above which the objective is ½·.3² but for a canyon along x₀ = x₁²."""
+    """A bowl about (1, 0.5) of height zero, above which the objective is ½·.3² but for a canyon along x₀ = x₁²."""
     return np.array([x[0] - 1.0, x[1] - 0.5, DEPTH * np.tanh((x[0] - x[1] ** 2) / WIDTH)])
 
 

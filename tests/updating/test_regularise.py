@@ -55,7 +55,7 @@ def test_minimum_change_is_of_the_parameters_that_move():
 def test_distance_is_none_at_the_start_and_counts_prior_deviations():
     side = settled(Distance(2.0))
     np.testing.assert_allclose(side.rows(X)[0], 0.0, atol=1e-15)
-    # a moves by one prior deviation of half a unit: x = .25
+    # a moves by one prior deviation of half a unit: x = 0.25
     np.testing.assert_allclose(side.rows(X + 0.25 * np.eye(3)[0])[0], [2.0, 0.0, 0.0], atol=1e-12)
 
 

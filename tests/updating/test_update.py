@@ -246,7 +246,7 @@ def test_a_mode_that_comes_into_the_gate_is_an_event():
     case = replace(case, rules=PairingRules(frequency_gate=0.12))
     result = update(problem_of(case))
     assert len(result.before.blocks) < len(result.after.blocks)
-    assert result.events[0].startswith("iteration 1: as the deck: test mode")
+    assert result.events[0].startswith("iteration 1: baseline: test mode")
     np.testing.assert_allclose(result.x, (0.9, 0.0, 0.0, 0.0), atol=1e-6)
 
 
@@ -258,7 +258,7 @@ def linear_problem() -> UpdateProblem:
 
 
 def test_minimum_change_by_hand():
-    """min ((x − .2)/.12)² + μ²x²."""
+    """min ((x − 0.2)/.12)² + μ²x²."""
     result = update(linear_problem(), SensitivityMethod(regularisation=MinimumChange(4.0)))
     s = 1 / 0.12
     assert result.x[0] == pytest.approx(0.2 * s**2 / (s**2 + 16.0), rel=1e-6)

@@ -162,7 +162,7 @@ def test_only_the_chosen_test_modes_count() -> None:
 
 
 def test_numbers_of_the_standards() -> None:
-    """METHODS: NASA 5 %, .9 and .1; MIL 3 % and .95; ECSS 5 % and MAC .9; self-orthogonality .1."""
+    """METHODS: NASA 5 %, 0.9 and 0.1; MIL 3 % and 0.95; ECSS 5 % and MAC 0.9; self-orthogonality 0.1."""
     limits = {word: [c.limit for c in profile(word).criteria] for word in ("NASA", "MIL", "ECSS")}
     assert limits == {"NASA": [0.05, 0.9, 0.1, 0.1], "MIL": [0.03, 0.95, 0.1], "ECSS": [0.05, 0.9, 0.1]}
 

@@ -156,7 +156,7 @@ def test_scatter_that_is_stated_too_large_is_told() -> None:
     J, e = _jacobian(), 0.1 * np.random.default_rng(4).normal(size=14)
     found = goodness_of_fit(_blocks(_fitted(J, e, 0.0), J))
     assert found.outcome is Outcome.NOT_TESTED
-    assert "smaller than the stated standard deviations imply" in found.sentence
+    assert "better than the stated standard deviations predict" in found.sentence
 
 
 def test_as_many_parameters_as_data_leave_nothing_to_test() -> None:

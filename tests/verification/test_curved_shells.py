@@ -91,7 +91,7 @@ def test_lumped_mass(cells: str):
 
 
 def annulus(cells: str, n: int, components: str) -> np.ndarray:
-    """Six frequencies of a ring of radii .3 and 1, clamped inside; every circle is one of curved sides."""
+    """Six frequencies of a ring of radii 0.3 and 1, clamped inside; every circle is one of curved sides."""
 
     def ring(u: np.ndarray, v: np.ndarray) -> tuple:
         radius = 0.3 + 0.7 * v
@@ -144,7 +144,7 @@ def tip(mesh: ShellMesh, section: Section, component: int, total: float = 1.0) -
 
 
 def straight(shape: str, cells: str) -> ShellMesh:
-    """Beam 6 × .2 of six cells: rectangles, trapezoids or parallelograms with sides at 45 degrees."""
+    """Beam 6 × 0.2 of six cells: rectangles, trapezoids or parallelograms with sides at 45 degrees."""
     mesh = shell_mesh(rectangle(6.0, 0.2), 6, 1, cells)
     for i in range(1, 6):
         lean = 0.1 * (-1) ** i if shape == "trapezoid" else -0.1
@@ -254,7 +254,7 @@ def calculix(mesh: ShellMesh, section: Section, element: str, modes: int, folder
 
 @pytest.mark.slow
 def test_calculix_on_the_same_mesh(tmp_path: Path):
-    """A free cylindrical panel, R/t = 100: S8R within .5 %; CTRIA6 on the halves of the cells within 1 % of it.
+    """A free cylindrical panel, R/t = 100: S8R within 0.5 %; CTRIA6 on the halves of the cells within 1 % of it.
 
     CalculiX's own S6 on these triangles is up to 3 % too high.
     """

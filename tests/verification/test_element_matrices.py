@@ -176,7 +176,7 @@ def test_meshes_of_the_same_structure_converge(source: Path, tmp_path: Path) -> 
 def test_commercial_shells_and_wedges_in_our_model_of_every_kind_give_the_listed_modes(
     source: Path, theirs: dict[str, Any]
 ) -> None:
-    """PCOMP among them; ours are .02 to .19 % lower."""
+    """PCOMP among them; ours are 0.02 to 0.19 % lower."""
     structure = build_structure(read_deck(source / "solid_shell_bar" / changed_decks.MODES_DECK)).structure
     listed = np.array([71.26832, 75.95746, 125.7872])
     stiffness = assemble(structure, "stiffness").toarray()

@@ -187,7 +187,7 @@ def three_beams(modulus: float, offset: float) -> tuple[Structure, list[int]]:
 
 
 def test_three_beams_with_offset():
-    """Published: bending modes to .1 %; the axial one differs, its mass here is not the textbook's."""
+    """Published: bending modes to 0.1 %; the axial one differs, its mass here is not the textbook's."""
     found = dense_modes(*three_beams(210e9, 0.025))
     np.testing.assert_allclose(found[[0, 1, 2, 4]], [563.90, 1030.52, 2126.51, 3808.26], rtol=1e-3)
     np.testing.assert_allclose(dense_modes(*three_beams(210e9, -0.025)), found, rtol=1e-9)

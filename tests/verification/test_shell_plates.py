@@ -120,7 +120,7 @@ def test_clamped_plate(consistent: bool):
 @pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 def test_cantilever_plate(consistent: bool):
-    """Square plate clamped on one side, ν = .3: 3.4711 8.5067 21.285 27.199 30.956 (Ritz)."""
+    """Square plate clamped on one side, ν = 0.3: 3.4711 8.5067 21.285 27.199 30.956 (Ritz)."""
     exact = omega(1e-3, np.array([3.4711, 8.5067, 21.285, 27.199, 30.956]))
     np.testing.assert_allclose(extrapolated(cantilever, 1e-3, 5, consistent), exact, rtol=1e-3)
 
@@ -137,7 +137,7 @@ def test_one_row_of_elements_bends_in_its_plane_like_a_beam():
     h = 0.05
     exact = 1.8751041**2 * np.sqrt(E * h**2 / 12 / RHO) / (2 * np.pi)
     errors = [strip(n, 0.01) / exact - 1.0 for n in (10, 20, 40)]
-    # shear flexibility and rotary inertia, which the beam's closed form leaves out, take .3 %
+    # shear flexibility and rotary inertia, which the beam's closed form leaves out, take 0.3 %
     assert abs(errors[-1]) < 0.005
     assert abs(errors[0]) < 0.012
 

@@ -52,7 +52,7 @@ def tip(mesh: ShellMesh, section: Section, component: int, total: float = 1.0, d
 
 
 def straight(shape: str, finer: int = 1) -> ShellMesh:
-    """Beam 6 × .2 of six rectangles, trapezoids or parallelograms with sides at 45 degrees, each divided by `finer`."""
+    """Beam 6 × 0.2 of six rectangles, trapezoids or parallelograms (sides at 45 degrees), each divided by `finer`."""
     x, low, high = np.arange(7.0), np.arange(7.0), np.arange(7.0)
     inner = np.arange(1, 6)
     if shape == "trapezoid":
@@ -101,9 +101,9 @@ def curved(n: int, across: int = 1) -> ShellMesh:
 
 @pytest.mark.slow
 def test_curved_beam():
-    """A quarter ring R 4.22, .2 high and .1 wide, whose integrals of bending, torsion, shear and tension are closed.
+    """A quarter ring R 4.22, 0.2 high and 0.1 wide, whose integrals of bending, torsion, shear and tension are closed.
 
-    The customary .08734 in plane is 1.4 % below this; out of plane it is .3 % above. Torsion needs several elements
+    The customary 0.08734 in plane is 1.4 % below this; out of plane it is 0.3 % above. Torsion needs several elements
     across, a row of them has that of a thin strip.
     """
     R, E, G, h, b = 4.22, 1e7, 4e6, 0.2, 0.1
@@ -152,7 +152,7 @@ def roof(n: int) -> float:
 
 @pytest.mark.slow
 def test_scordelis_lo_roof():
-    """The value that fine meshes of shear-flexible shells reach is .3012, .996 of the customary one."""
+    """The value that fine meshes of shear-flexible shells reach is 0.3012, 0.996 of the customary one."""
     errors = np.array([roof(n) / 0.996 - 1.0 for n in (4, 8, 16)])
     assert abs(errors[-1]) < 0.01
     assert np.log2(np.abs(errors[:-1] / errors[1:])).min() > 1.5
@@ -190,7 +190,7 @@ def hemisphere(n: int) -> float:
 
 @pytest.mark.slow
 def test_hemisphere_with_a_hole():
-    """Inextensional bending of warped elements; fine meshes reach .0934, .994 of the customary value."""
+    """Inextensional bending of warped elements; fine meshes reach 0.0934, 0.994 of the customary value."""
     errors = np.array([hemisphere(n) / 0.994 - 1.0 for n in (8, 16)])
     assert abs(errors[1]) < 0.01
     assert abs(errors[1]) < 0.35 * abs(errors[0])

@@ -203,7 +203,7 @@ def edge_load(mesh: ShellMesh, component: int) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize(("n", "tolerance"), [(8, 0.12), (16, 0.035)])
 def test_cylindrical_roof(n: int, tolerance: float):
-    """Scordelis and Lo: R 25, L 50, t .25, 40° each side, 90 an area downwards: .3024 at the free edge's middle."""
+    """Scordelis and Lo: R 25, L 50, t 0.25, 40° each side, 90 an area downwards: 0.3024 at the free edge's middle."""
     angle = np.deg2rad(40.0)
     mesh = shell_mesh(lambda u, v: (25 * np.sin(angle * u), 25 * v, 25 * np.cos(angle * u)), n, n, "union")
     fixed = dofs_of(mesh.edge("u0"), "156") | dofs_of(mesh.edge("v0"), "13") | dofs_of(mesh.edge("v1"), "246")

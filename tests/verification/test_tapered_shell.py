@@ -69,7 +69,7 @@ def test_frequencies_within_a_percent(source: Path, calculix: str, tmp_path: Pat
 
 @pytest.mark.long
 def test_eight_node_shells_on_the_same_mesh(source: Path, calculix: str, tmp_path: Path) -> None:
-    """Thickness varies within the elements of both programs; rotary inertia, in CalculiX's alone, is in the .25 %."""
+    """Thickness varies within the elements of both programs; rotary inertia, in CalculiX's alone, is in the 0.25 %."""
     shell = shell8.refined(replace(shell8.read_shell8(source / "shellf.inp"), poisson=0.0), 8)
     theirs = solved(calculix, shell, "S8R", tmp_path)
     np.testing.assert_allclose(found(shell, tmp_path, "CQUAD8"), theirs, rtol=0.003)

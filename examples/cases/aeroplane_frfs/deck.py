@@ -24,7 +24,7 @@ DRUM_OVER_WING = 11
 THICKNESS = {FIN: 0.010, TAILPLANE: 0.010, DRUM: 0.010, WING: 0.010, DRUM_OVER_WING: 0.020, LAYER: 0.0011}
 MATERIAL = {DRUM_OVER_WING: WING, ROOT: WING}
 FILM_TO_SOLID = 5.55 / 0.0508
-"""Distance of the middle surfaces of wing and layer over the thickness of the film (.0508 mm)."""
+"""Distance of the middle surfaces of wing and layer over the thickness of the film (0.0508 mm)."""
 TIP_MASSES, TAIL_MASSES = (21003, 21004), (21001, 21002)
 TOP_OF_FUSELAGE, AXIS_OF_FUSELAGE, WING_PLANE = 0.150, 0.075, 0.176
 WING_X, FIN_X = 0.6, 1.45

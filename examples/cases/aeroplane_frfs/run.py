@@ -157,9 +157,9 @@ def _page(found: Calibrated) -> Iterator[str]:
     )
     yield "## A channel with a wrong sensitivity\n"
     yield (
-        "The FRFs of output 1302Y- are .10 of those of the first deck, the other outputs .8 to 2.9 "
+        "The FRFs of output 1302Y- are 0.10 of those of the first deck, the other outputs 0.8 to 2.9 "
         "(`residual.frf-channel-level`). The identified shapes confirm it: beside the "
-        "calibrated model this output is .10 of what it should be in the modes at 16.4 and 33.5 Hz. It is not used.\n"
+        "calibrated model this output is 0.10 of what it should be in the modes at 16.4 and 33.5 Hz. It is not used.\n"
     )
     yield "## Parameters\n"
     yield "| parameter | first deck | calibrated | σ |\n|---|---|---|---|"
@@ -193,8 +193,8 @@ def _page(found: Calibrated) -> Iterator[str]:
         after = f"{p.model_freq_hz:.2f} | {p.freq_error_percent:+.2f} | {p.mac:.3f}"
         yield f"| {number} | {p.test_freq_hz:.3f} | {start} | {after} |"
     yield (
-        "\nThe MAC of mode 2 contains the wrong output at the fin; without it, it is .99. Modes 3 and 4 are "
-        ".5 Hz apart and "
+        "\nThe MAC of mode 2 contains the wrong output at the fin; without it, it is 0.99. Modes 3 and 4 are "
+        "0.5 Hz apart and "
         "their shapes mix.\n"
     )
     yield "## What the model had to contain\n"

@@ -1,8 +1,8 @@
 """A small aeroplane of the dimensions of the GARTEUR SM-AG19 testbed as a deck of bars; units m, kg, s.
 
-Fuselage 1.5 × .15 × .05 m, wing 2 m × .1 × .01, tip drums .4 × .1 × .01, vertical tail .3 × .1 × .01 and horizontal
-tail .4 × .1 × .01, aluminium; wing and vertical tail stand on elastic joints. (Balmes and Wright (1997), GARTEUR group
-on ground vibration testing; the damping layer of the testbed's wing is not modelled.)
+Fuselage 1.5 × 0.15 × 0.05 m, wing 2 m × 0.1 × 0.01, tip drums 0.4 × 0.1 × 0.01, vertical tail 0.3 × 0.1 × 0.01 and
+horizontal tail 0.4 × 0.1 × 0.01, aluminium; wing and vertical tail stand on elastic joints. (Balmes and Wright (1997),
+GARTEUR group on ground vibration testing; the damping layer of the testbed's wing is not modelled.)
 """
 
 from __future__ import annotations

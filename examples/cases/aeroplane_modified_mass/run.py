@@ -198,7 +198,7 @@ def page(found: Mapping[str, Found], many: tuple[float, int] | None) -> str:
 _INTRO = f"""A deck of 85 bars with the dimensions of the GARTEUR SM-AG19 testbed (40 kg), updated with a simulated
 test of a reference structure whose six parameters are known: frequencies ± 0.2 %, shapes ± 1 % of the largest entry,
 {len(SENSORS)} sensors, of which two are held out, elastic modes below 80 Hz. The updated model predicts the modes
-above 80 Hz, and the tests with .5 kg on each wing tip and with 1.2 kg on the tail. Two more reference structures
+above 80 Hz, and the tests with 0.5 kg on each wing tip and with 1.2 kg on the tail. Two more reference structures
 have an elastic joint below the tailplane, which is rigid in the deck: the modes used in the update do not show the
 stiffer joint, the predictions of both do."""
 _LEGEND = "Ring: before the update; dot: after it; bar: ± 2 σ of test and parameters; dashed: limit of MIL-STD-1540C."

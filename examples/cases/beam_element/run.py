@@ -152,8 +152,8 @@ def text(found: list[tuple[float, float, float, float]]) -> str:
     return "\n".join([
         "# Eigenvalues of a beam element", "",
         "The stiffness of a beam in its plane, decomposed into eigenvalues and eigenvectors, K = Φ κ Φᵀ, compared "
-        "with the closed-form solution 0, 0, 2EI/l, EI(24/l³ + 6/l); then both κ multiplied by .4 and 1.8 and the "
-        "eigenvectors rotated by .5 rad.", "",
+        "with the closed-form solution 0, 0, 2EI/l, EI(24/l³ + 6/l); then both κ multiplied by 0.4 and 1.8 and the "
+        "eigenvectors rotated by 0.5 rad.", "",
         "| EI | l | eigenvalues | error of κ and of Φ κ Φᵀ | force of rigid-body motion after the change |",
         "| --- | --- | --- | --- | --- |", *rows, "",
         f"![Eigenvectors and eigenvalues of a beam element]({NAME}.svg)", "",

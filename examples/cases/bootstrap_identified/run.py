@@ -1,7 +1,7 @@
 """Bootstrap of an identified test with equalised damping against Monte Carlo: python run.py [--quick] [--evidence DIR].
 
-The plane free frame of the bootstrap example, with modal damping between .4 and 3 % in the test. Each simulated test is
-identified, its damping equalised, and four moduli are calibrated. The standard deviations that a bootstrap of the
+The plane free frame of the bootstrap example, with modal damping between 0.4 and 3 % in the test. Each simulated test
+is identified, its damping equalised, and four moduli are calibrated. The standard deviations that a bootstrap of the
 measured lines finds in one test are compared with the scatter of the calibrations of many tests, each of them with an
 identification of its own. The full form takes about ten minutes of processor time.
 """

@@ -133,7 +133,7 @@ def text(states: Sequence[State], size: Size) -> str:
         f"in {size.fragments} fragments, eight sensors on two floors (40 dB, 16 bits), converted to the motions of "
         "rigid floors. ERA, FDD and TFIE for each fragment, averaged; no mode is selected manually.", "",
         "| configuration | mode | true Hz | identified Hz | ± of the mean | standard deviation ‰ | ERA | FDD | TFIE "
-        "| ζ % (true .25) | MAC |",
+        "| ζ % (true 0.25) | MAC |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |", *rows, "",
         f"The methods agree within {100 * apart:.2f} % of their mean. The eighth peak is due to the ground "
         "excitation: "

@@ -141,7 +141,7 @@ def text(found: Sequence[Found], wrong: CoverageRun, size: Size) -> str:
         "| problem | parameter | true value | standard deviations, interval | coverage % | with ±1.96 σ % |",
         "| --- | --- | --- | --- | --- | --- |", *rows, "",
         "![Coverage by parameter, and the distribution of the errors](cases_coverage.svg)", "",
-        "**Spring chain**: six masses, seven springs, four factors from five frequencies (.4 %) and shapes (.02 of "
+        "**Spring chain**: six masses, seven springs, four factors from five frequencies (0.4 %) and shapes (0.02 of "
         "unit norm) with stated standard deviations. **Stepped cantilever**: two bending stiffnesses and the tip "
         "mass from five frequencies with unknown standard deviation; it is estimated with two degrees of freedom, "
         "so that the coverage of ±1.96 σ would be much too small.", "",

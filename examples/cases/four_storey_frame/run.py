@@ -211,7 +211,7 @@ def page(runs: Mapping[str, RunResult], hz: np.ndarray) -> str:
         "| --- | --- | --- | --- | --- | --- | --- | --- |", *rows, "",
         "![Changes by storey, and frequency errors](cases_four_storey_frame.svg)", "",
         "All three formulations give a top storey that is 1.5 times as stiff as the nominal one, and softer lower "
-        "storeys. They differ by up to .05 per storey, because their relative weights of shapes and frequencies "
+        "storeys. They differ by up to 0.05 per storey, because their relative weights of shapes and frequencies "
         "differ. In the dynamic residual the unmeasured displacement of the top floor is eliminated exactly.", "",
     ])  # fmt: skip
 

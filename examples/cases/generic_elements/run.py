@@ -1,6 +1,6 @@
 """Update a joint with the eigenvalues of a generic element: python run.py [--quick] [--evidence DIR].
 
-The three beams again, with an offset of .8 of the true one. The elements at both joints are one generic element
+The three beams again, with an offset of 0.8 of the true one. The elements at both joints are one generic element
 K = Φ κ Φᵀ; κ₁ and κ₂ are updated with modes 2 and 3. Mode 1, in which the joints have little strain, remains 2.7 % too
 low: parameters that fit the data are not necessarily the cause. With the offset itself as parameter all modes agree.
 """
@@ -114,7 +114,7 @@ def text(joint: Found, right_mass: Found, offset: Found, modes: GenericModes) ->
     listed = ", ".join(f"{k:.4g}" for k in modes.kappa)
     names = [f"κ₁ = {f.values['kappa_1']:.4f}, κ₂ = {f.values['kappa_2']:.4f}" for f in (joint, right_mass)]
     rows = [
-        _row("offset .8 of the true one", joint.before),
+        _row("offset 0.8 of the true one", joint.before),
         _row(names[0], joint.after),
         _row(f"{names[1]}, mass on the true offset", right_mass.after),
         _row(f"a = {1e3 * offset.values['a']:.3f} mm", offset.after),
@@ -140,7 +140,7 @@ def _row(name: str, errors: Reals) -> str:
 
 def figure(joint: Found, offset: Found) -> str:
     """Errors of the frequencies before and after, a group of bars a mode."""
-    kinds = (("offset .8 of the true one", joint.before, PALE), ("κ₁ and κ₂ of the joints", joint.after, ORANGE),
+    kinds = (("offset 0.8 of the true one", joint.before, PALE), ("κ₁ and κ₂ of the joints", joint.after, ORANGE),
              ("the offset", offset.after, BLUE))  # fmt: skip
 
     def draw(sheet: Figure) -> None:

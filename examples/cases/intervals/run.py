@@ -91,7 +91,7 @@ def study(problem: Problem, points: int) -> Found:
 
 
 def check(found: Found) -> None:
-    """Published extrema within .1 %, nothing outside them, and the way back."""
+    """Published extrema within 0.1 %, nothing outside them, and the way back."""
     for one in (found.proven, found.searched):
         np.testing.assert_allclose(one.lower, found.problem.published[0], rtol=WITHIN)
         np.testing.assert_allclose(one.upper, found.problem.published[1], rtol=WITHIN)

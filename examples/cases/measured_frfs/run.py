@@ -38,7 +38,7 @@ class Case:
 
 
 def simulated(channels: int, lines: int) -> tuple[ModeSet, FrfSet, np.ndarray]:
-    """Eighteen modes between 20 and 380 Hz, two of them .5 % apart, damping .1 to 2 %; truth, functions, noise."""
+    """Eighteen modes between 20 and 380 Hz, two of them 0.5 % apart, damping 0.1 to 2 %; truth, functions, noise."""
     rng = np.random.default_rng(1)
     freq = np.sort(np.concatenate([np.linspace(22.0, 375.0, 16) + rng.uniform(-5, 5, 16), [120.0, 120.6]]))
     damping = rng.uniform(0.001, 0.02, 18)
@@ -101,7 +101,7 @@ def check_simulated(case: Case, truth: ModeSet) -> None:
 
 
 def check_aeroplane(case: Case) -> None:
-    """Nine elastic modes, a pair near 33.7 Hz; each method finds them within .2 %."""
+    """Nine elastic modes, a pair near 33.7 Hz; each method finds them within 0.2 %."""
     modes = case.found.modes
     assert len(modes) == 9
     for method in ("N4SID", "pLSCF"):
@@ -134,7 +134,7 @@ def page(case: Case, truth: ModeSet, measured: list[Case]) -> str:
     n, u, k = case.found.measured.values.shape
     parts = [
         "# Modes from measured FRFs\n",
-        f"Simulated: {n} channels, {u} references, {k} lines, {len(truth)} modes, two of them .5 % apart, noise of "
+        f"Simulated: {n} channels, {u} references, {k} lines, {len(truth)} modes, two of them 0.5 % apart, noise of "
         "1 % of the rms value. N4SID up to order 100 and pLSCF up to degree 50, selection of modes, fit and "
         f"state-space model in {case.seconds:.0f} s. All modes and no others are found; frequencies are within "
         f"{100 * off:.4f} %, with errors as large as their standard deviations imply.\n",
@@ -147,17 +147,17 @@ def page(case: Case, truth: ModeSet, measured: list[Case]) -> str:
 
 NOTES = {
     "GARTEUR aeroplane": (
-        "Nine elastic modes up to 65 Hz are found; N4SID alone and pLSCF alone agree with them within .2 %. The "
+        "Nine elastic modes up to 65 Hz are found; N4SID alone and pLSCF alone agree with them within 0.2 %. The "
         "FRFs in the file are themselves synthesised from a modal model with ten poles: with a tenth pole at 8.984 "
         "Hz and 2.08 % they are reproduced to the six digits of the file. This pole has a phase collinearity of "
-        ".88, whereas all others have more than .93, and is excluded by the rule; therefore the standard deviations "
+        ".88, whereas all others have more than 0.93, and is excluded by the rule; therefore the standard deviations "
         "here are not smaller."
     ),
     "Hammer beam": (
         "The owners of the data state four modes near 112, 307, 596 and 974 Hz. The shapes are those of a free beam "
-        "of 1.3 m (MAC above .975). Each impact gives a different frequency: from the second to the ninth impact "
+        "of 1.3 m (MAC above 0.975). Each impact gives a different frequency: from the second to the ninth impact "
         "the frequencies decrease by 4 to 10 in 100,000, much more than noise, and the standard deviations above "
-        "include this. A damping ratio of .01 % corresponds to a bandwidth of .02 Hz, which is the frequency "
+        "include this. A damping ratio of 0.01 % corresponds to a bandwidth of 0.02 Hz, which is the frequency "
         "resolution of the file and limits the accuracy of the damping ratios."
     ),
 }

@@ -3,7 +3,7 @@
 The static example of the handbook chapter (Mottershead, Link and Friswell 2011, Fig. 1 and Table 1): springs k1 and k3
 to ground, k2 between two nodes; the residual is the force f − K(θ0)u at the initial values. The noise of the chapter is
 not published: NOISY are displacements with five digits that reproduce all rows of its table, with a second load of
-about (1, .002) N, for which the matrix has the stated condition number of 880.
+about (1, 0.002) N, for which the matrix has the stated condition number of 880.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ FIRST, SECOND, CLEAR = (np.array(f) for f in ((1.0, 0.0), (1.0, 0.0020352), (0.0
 NOISY = (np.array([0.60958, 0.27185]), np.array([0.60784, 0.26991]))
 TABLE = {
     "no regularisation": (0.0, (1.779, -0.243, -0.304)),
-    "W = I, μ = .0093": (0.0093, (1.149, 0.889, 1.112)),
-    "Link, μ = .0179": (0.0179, (1.179, 0.836, 1.046)),
+    "W = I, μ = 0.0093": (0.0093, (1.149, 0.889, 1.112)),
+    "Link, μ = 0.0179": (0.0179, (1.179, 0.836, 1.046)),
 }
 NAMES = ("k1", "k2", "k3")
 PARAMETERS = ParameterSet(tuple(Parameter(name, 1.0, -10.0, 10.0) for name in NAMES))
@@ -144,12 +144,12 @@ def page(rows: dict[str, Reals], found: dict[str, tuple[SideConstraint, Reals]])
     lines = [
         "# Two degrees of freedom under static loads",
         "",
-        ("Springs in N/m; the true values are (1.2, .8, 1)."),
+        ("Springs in N/m; the true values are (1.2, 0.8, 1)."),
         "",
     ]
     lines += ["| | k1 | k2 | k3 | published |", "| --- | --- | --- | --- | --- |"]
     for name, k in rows.items():
-        published = ", ".join(f"{v:g}" for v in TABLE[name][1]) if name in TABLE else "1.1398, .9084, 1.1354"
+        published = ", ".join(f"{v:g}" for v in TABLE[name][1]) if name in TABLE else "1.1398, 0.9084, 1.1354"
         lines.append(f"| {name} | " + " | ".join(f"{v:.4f}" for v in k) + f" | {published} |")
     for name, (side, k) in found.items():
         values = " | ".join(f"{v:.4f}" for v in k)
@@ -157,9 +157,9 @@ def page(rows: dict[str, Reals], found: dict[str, tuple[SideConstraint, Reals]])
     lines += [
         "", (
             "The noise of the chapter is not published. Displacements with five digits were determined that "
-            "reproduce its table: (.60958, .27185) under (1, 0) and (.60784, .26991) under (1, .0020352). The row "
-            "without regularisation, in which errors are amplified 880 times, is reproduced within .003, the others "
-            "within .001. All solutions are on the line through the true values along which the first load gives no "
+            "reproduce its table: (0.60958, 0.27185) under (1, 0) and (0.60784, 0.26991) under (1, 0.0020352). The row "
+            "without regularisation, in which errors are amplified 880 times, is reproduced within 0.003, the others "
+            "within 0.001. All solutions are on the line through the true values along which the first load gives no "
             "information."
         ), "",
         "The corner depends on the noise: ours is at a larger weight than that of the chapter, with nearly the same "

@@ -139,7 +139,7 @@ class Found:
 
 
 def found_again(clamped: ConfiguredModel) -> Found:
-    """Both half-widths from four frequencies of the true joint, known to .2 %."""
+    """Both half-widths from four frequencies of the true joint, known to 0.2 %."""
     values, nodes = clamped.model.parameters, clamped.model.structure.nodes
     true = solve_modes(clamped.at(values.normalise(TRUE)), 6)
     rows = sp.csr_array(clamped.transformation[[nodes.dof(d.node, d.component) for d in DOFS]])
@@ -187,7 +187,7 @@ def text(clamped: ConfiguredModel, free: ConfiguredModel, found: Found) -> str:
         "Ends of the beam clamped, masses at the joint and at the foot: all frequencies increase with both offsets.",
         "",
         "| x, mm | y, mm | " + " | ".join(f"mode {i}, Hz" for i in range(1, 7)) + " |", "|---" * 8 + "|", *rows, "",
-        "From four frequencies with a standard deviation of .2 % and initial values of 20 and 20 mm: x = "
+        "From four frequencies with a standard deviation of 0.2 % and initial values of 20 and 20 mm: x = "
         f"{1e3 * values['x']:.2f} ± {1e3 * sd['x']:.2f} mm (true 45), y = {1e3 * values['y']:.2f} ± "
         f"{1e3 * sd['y']:.2f} mm (true 30), and the area of the core as a derived quantity, {found.area_cm2:.2f} ± "
         f"{found.sd_cm2:.2f} cm².", "",

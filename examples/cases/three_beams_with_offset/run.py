@@ -111,7 +111,7 @@ def text(beams: ConfiguredModel, result: UpdateResult) -> str:
         for i, (f, p) in enumerate(zip(found, TRUE_HZ), 1)
     ]
     steps = iterates(result)
-    rows = [f"| start | {steps[0, 0]:.2f} | {steps[0, 1]:.5f} | 180 | .015 |"]
+    rows = [f"| start | {steps[0, 0]:.2f} | {steps[0, 1]:.5f} | 180 | 0.015 |"]
     for i, (E, a) in enumerate(steps[1:4], 1):
         rows.append(f"| {i} | {E:.2f} | {a:.5f} | {PUBLISHED[i - 1][0]:.2f} | {PUBLISHED[i - 1][1]:.5f} |")
     return "\n".join([

@@ -144,7 +144,7 @@ def text(linear: Sequence[Case], simulated: Sequence[Case], free: Sequence[Case]
         "| covariance | boundary condition | eigenvalues | rank | largest distance of a true bar | smallest "
         "distance of another bar | threshold | exactly the true bars | called clear |", "| --- " * 9 + "|", *rows, "",
         "With the linear covariance the distance of the true bars is zero to rounding, and that of the others at "
-        "least .028 (10 eigenvalues) and .21 (20), as expected. At standard deviations of 20 % first-order "
+        "least 0.028 (10 eigenvalues) and 0.21 (20), as expected. At standard deviations of 20 % first-order "
         "sensitivities are not sufficient: the distances become similar, and sorted eigenvalues change their order. "
         "With 20 eigenvalues that are followed by their mode shapes the bars are still distinguished. No result "
         "that was called clear is wrong.", "",

@@ -27,7 +27,7 @@ from femtune import __version__
 from femtune.cli.log import RESULTS
 from femtune.errors import FemtuneError, printable
 from femtune.journal.run_files import OWNER_FILE
-from femtune.steps.exit_codes import BAD_INPUT, FAULT, HUNG_UP, INTERRUPTED, TERMINATED
+from femtune.steps.exit_codes import BAD_INPUT, CUT_OFF, FAULT, HUNG_UP, INTERRUPTED, TERMINATED
 from femtune.steps.step import coloured
 
 CRASH_FILE = "femtune-crash.txt"
@@ -213,8 +213,28 @@ class GuardedGroup(click.Group):
         logging.captureWarnings(True)
         try:
             return super().main(*words, **options)
+        except SystemExit as end:
+            # tables end with 1, which has another meaning
+            if isinstance(end.__context__, BrokenPipeError):
+                sys.exit(CUT_OFF)
+            raise
+        except OSError as fault:
+            # of the help, or of a message: errors of commands end before
+            if fault.errno not in _NO_SPACE:
+                raise
+            _say(coloured(_disk_full(fault)), err=True)
+            _forget_output()
+            sys.exit(BAD_INPUT)
         finally:
             logging.captureWarnings(False)
+
+    def make_context(self, *words: Any, **options: Any) -> click.Context:
+        """Read the words of the command line; the help may be read by a program that ends early."""
+        try:
+            return super().make_context(*words, **options)
+        except BrokenPipeError:
+            _forget_output()
+            raise click.exceptions.Exit(CUT_OFF) from None
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
@@ -239,7 +259,19 @@ def _as_json(ctx: click.Context, error: FemtuneError | str, exit_code: int) -> N
         failure = CommandFailure(exit_code=exit_code, code="", message=printable(error))
     else:
         failure = failure_of(error, exit_code)
-    click.echo(json.dumps({"error": failure.model_dump()}, indent=1))
+    _say(json.dumps({"error": failure.model_dump()}, indent=1))
+
+
+def _say(text: str, *, err: bool = False) -> None:
+    """Write a message, unless nobody can read it: its file is on a full disk, the terminal or the pipe was closed."""
+    with suppress(OSError):
+        click.echo(text, err=err)
+
+
+def _forget_output() -> None:
+    """What could not be written is not tried again when the process ends, which would change its exit code."""
+    with suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
@@ -262,9 +294,11 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
     except click.Abort:
         raise
     except Exception as fault:
-        if isinstance(fault, OSError) and fault.errno == errno.EPIPE:
-            raise
+        if isinstance(fault, BrokenPipeError):
+            _forget_output()
+            _end(ctx, CUT_OFF)
         if isinstance(fault, OSError) and fault.errno in _NO_SPACE:
+            _forget_output()
             _refused(ctx, _disk_full(fault))
         _crashed(ctx, fault)
 
@@ -281,7 +315,7 @@ def _end(ctx: click.Context, code: int) -> NoReturn:
 
 def _refused(ctx: click.Context, error: FemtuneError) -> NoReturn:
     RESULTS.error("%s", error)
-    click.echo(coloured(error), err=True)
+    _say(coloured(error), err=True)
     _as_json(ctx, error, BAD_INPUT)
     _end(ctx, BAD_INPUT)
 
@@ -317,9 +351,7 @@ def _interrupted(ctx: click.Context, asked: KeyboardInterrupt) -> NoReturn:
     signalled = asked.signal if isinstance(asked, TerminatedError) else None
     told = f"stopped by {'Ctrl-C' if signalled is None else signalled.name}; {kept}"
     RESULTS.error(told)
-    # the terminal may be closed
-    with suppress(OSError):
-        click.echo(printable(told), err=True)
+    _say(printable(told), err=True)
     exit_code = INTERRUPTED if signalled is None else _EXIT_CODES[signalled]
     _as_json(ctx, told, exit_code)
     _end(ctx, exit_code)
@@ -331,7 +363,7 @@ def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:
     kind = f"{type(fault).__name__}: {fault}".splitlines()[0]
     what = f"internal error of femtune, not caused by your input ({kind}); please report it and send {name}"
     RESULTS.error(what)
-    click.echo(printable(what), err=True)
+    _say(printable(what), err=True)
     _as_json(ctx, what, FAULT)
     _end(ctx, FAULT)
 

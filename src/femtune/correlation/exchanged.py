@@ -28,8 +28,10 @@ _MOST_SWAPS = 5
 """Exchanges that are looked for, one after the other."""
 _ROW_LEFT = 0.8
 """Largest part of the misfit of each of its two rows that a swap may leave."""
-_FEWEST_SENSORS, _MOST_SENSORS = 4, 1000
-"""Sensors from which a swap means something, and up to which all pairs of them are tried."""
+_FEWEST_SENSORS = 4
+"""Sensors from which an exchange can be recognised."""
+_MOST_SENSORS = 1000
+"""Sensors up to which all pairs of them are tried."""
 _FEWEST_MODES = 2
 """Test modes with a good partner from which a swap means something."""
 

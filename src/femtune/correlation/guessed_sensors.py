@@ -171,12 +171,12 @@ class _Placed:
         first, *others = (self._with_motion(one, by_number) for one in registration)
         return replace(first, others=tuple(others), several=self._several(registration))
 
-    def _several(self, found: tuple[Motion, ...]) -> str:
-        if len(found) == 1:
+    def _several(self, motions: tuple[Motion, ...]) -> str:
+        if len(motions) == 1:
             return ""
-        others = found[1:]
-        symmetric = all(is_symmetry(found[0], one, self.nodes.xyz) for one in others)
-        mirrored = not found[0].is_left_handed and any(one.is_left_handed for one in others)
+        others = motions[1:]
+        symmetric = all(is_symmetry(motions[0], one, self.nodes.xyz) for one in others)
+        mirrored = not motions[0].is_left_handed and any(one.is_left_handed for one in others)
         hands = " (some for left-handed axes of the test)" if mirrored else ""
         if symmetric:
             return (

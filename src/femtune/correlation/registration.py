@@ -39,23 +39,36 @@ _LEFT_HANDED = 10.0
 """Log-likelihood by which left-handed axes must be better than the best right-handed ones."""
 _LEAST_SHARE = 0.7
 """Part of the points that must have a grid point of their own."""
-_MOST_COARSE, _MOST_SCORED = 300, 60
-"""Grid points and test points of the search."""
-_TRIPLES, _ROUNDS, _TRIES = 4, 4, 60
-"""Triples of test points that propose motions in a round, rounds until most points have a partner, and triples that are
-tried at most."""
-_MOST_PAIRS, _MOST_HYPOTHESES = 4000, 4000
-"""Proposals of one triple that are kept, drawn at random."""
-_FINALISTS, _ITERATIONS = 24, 12
-"""Motions that are refined, and steps of the refinement."""
+_MOST_COARSE = 300
+"""Grid points of the search; of larger meshes points that lie far apart are taken."""
+_MOST_SCORED = 60
+"""Test points of the search."""
+_TRIPLES = 4
+"""Triples of test points that propose motions in a round."""
+_ROUNDS = 4
+"""Rounds until most points have a partner."""
+_TRIES = 60
+"""Triples that are tried at most."""
+_MOST_PAIRS = 4000
+"""Pairs of grid points for the first side of a triple that are kept, drawn at random."""
+_MOST_HYPOTHESES = 4000
+"""Motions that a triple proposes that are kept, drawn at random."""
+_FINALISTS = 24
+"""Motions that are refined."""
+_ITERATIONS = 12
+"""Steps of the refinement."""
 _LEAST_POINTS = 3
 """Points that fix a rigid motion."""
-_SAME_PLACE, _SYMMETRIC = 0.1, 0.98
-"""Distance over the spacing of the mesh, and part of the grid points that a symmetry puts onto others."""
+_SAME_PLACE = 0.1
+"""Distance over the spacing of the mesh up to which a symmetry puts a grid point onto another."""
+_SYMMETRIC = 0.98
+"""Part of the grid points that a symmetry puts onto others."""
 _COVERED = 0.35
 """Extent of the middle three quarters of the points over that of the mesh from which other units are not tried."""
-_FEW_POINTS, _FEW_PARTNER = 8, 0.15
-"""Points below which a motion must fit better than within half an element, and how well."""
+_FEW_POINTS = 8
+"""Points below which a motion must fit better than within half an element."""
+_FEW_PARTNER = 0.15
+"""Distance over the spacing of the mesh within which it must fit then."""
 _FLAT = 0.05
 """Extent across a line or a plane over the spacing of the mesh below which points are on it."""
 
@@ -525,13 +538,13 @@ class _Search:
         return placed >= min(n, max(4, int(np.ceil(_LEAST_SHARE * n))))
 
 
-def _ranked(as_they_are: Motion, found: Sequence[Motion], holds: bool) -> tuple[Motion, ...]:
+def _ranked(as_they_are: Motion, motions: Sequence[Motion], holds: bool) -> tuple[Motion, ...]:
     """The preferred motion, and those that are nearly as good."""
-    best = max((one.fit for one in found), default=-np.inf)
+    best = max((one.fit for one in motions), default=-np.inf)
     if holds and as_they_are.fit >= best - _MODEL_AXES:
         return (as_they_are,)
-    right = [one for one in found if not one.is_left_handed]
-    left = [one for one in found if one.is_left_handed]
+    right = [one for one in motions if not one.is_left_handed]
+    left = [one for one in motions if one.is_left_handed]
     best_right = max((one.fit for one in right), default=-np.inf)
     kept = left if left and best - best_right > _LEFT_HANDED else right
     top = max((one.fit for one in kept), default=0.0)
@@ -544,9 +557,9 @@ def _ranked(as_they_are: Motion, found: Sequence[Motion], holds: bool) -> tuple[
     return tuple(near)
 
 
-def _best_of_each_hand(found: Sequence[Motion]) -> list[Motion]:
+def _best_of_each_hand(motions: Sequence[Motion]) -> list[Motion]:
     """The first right-handed and the first left-handed motion; the first of all where there is none."""
-    return [next((one for one in found if one.is_left_handed == hand), found[0]) for hand in (False, True)]
+    return [next((one for one in motions if one.is_left_handed == hand), motions[0]) for hand in (False, True)]
 
 
 def _simplicity(one: Motion) -> float:

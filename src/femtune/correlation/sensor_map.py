@@ -45,14 +45,15 @@ LENGTH_FACTORS = {
     1.0 / 2.54: "centimetres where the model has inches",
 }
 """Factors between units of length, and what they mean."""
-# how near to a factor the ratio of places must be, and their least number
 _UNIT_TOLERANCE = 0.03
 """Error of a fitted scale of coordinates up to which a factor between units explains it. Factors of length differ from
 each other by far more."""
 _LEAST_PLACES = 4
 """Points from which coordinates are judged: three always fit some motion and scale."""
-# extents differ by a factor of this size or more; the sensors cover 45 to 110 % of the extent of the model
-_LARGE_FACTOR, _COVERED = 9.9, (0.9, 2.2)
+_LARGE_FACTOR = 9.9
+"""Least factor between two units of length that extents alone can show: those of test and model differ by up to two."""
+_COVERED = (0.9, 2.2)
+"""Extent of the model over that of the sensors in the right unit: they cover 45 to 110 % of it."""
 
 
 @dataclass(frozen=True)
@@ -429,7 +430,7 @@ def _build(
 
 
 def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> tuple[Notice, ...]:
-    """One notice of the first sensor with several equally near nodes, with the number of the others."""
+    """One notice of the first sensor that is equally close to several nodes, with the number of the others."""
     place = {(s.label.node, s.label.direction): s.position for s in sensors}
     ties_of_nodes: dict[int, Near] = {}
     for match in matches:
@@ -440,7 +441,7 @@ def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request
         return ()
     test_node, near = ties[0]
     others = ", ".join(map(str, near.others[:_LISTED]))
-    more = f"; so are several grid points to {len(ties) - 1} more test nodes" if len(ties) > 1 else ""
+    more = f"; {len(ties) - 1} more test nodes are equally close to several grid points" if len(ties) > 1 else ""
     return (Notice("sensor.tie", node=near.node, others=others, test_node=test_node, more=more),)
 
 

@@ -178,9 +178,11 @@ _COUPLING = 1e-4
 
 _SPRINGS = ("CELAS1", "CELAS2", "CBUSH")
 """Elements whose two ends are in one place or near each other."""
-_FAR_IN_EDGES, _FAR_IN_MODEL = 5.0, 0.1
-"""Distance of the ends of a spring over the median edge of the other elements, and over the diagonal of the model,
-above both of which a wrong grid point is suspected."""
+_FAR_IN_EDGES = 5.0
+"""Distance of the ends of a spring over the median edge of the other elements above which, if `_FAR_IN_MODEL` is
+exceeded too, a wrong grid point is suspected."""
+_FAR_IN_MODEL = 0.1
+"""The same distance over the diagonal of the model."""
 _ALONG = 0.999
 """Cosine of the angle between a spring and the line through its ends from which it is a strut, which may be long."""
 

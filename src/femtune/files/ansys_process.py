@@ -17,10 +17,14 @@ from femtune._optional import require
 from femtune.errors import FemtuneError, Where
 
 Arrays = Mapping[str, np.ndarray]
-_SECONDS, _BYTES_PER_S = 8.0, 5e6
-"""Processor time that reading may take: that of a small file, and the bytes that are read in a second at the least."""
-_MEMORY_BYTES, _COPIES = 512 << 20, 8
-"""Memory that reading may take besides that of the library, and how often the file may be held."""
+_SECONDS = 8.0
+"""Processor time that reading a small file may take."""
+_BYTES_PER_S = 5e6
+"""Bytes of a large file that are read in a second at the least."""
+_MEMORY_BYTES = 512 << 20
+"""Memory that reading may take besides that of the library."""
+_COPIES = 8
+"""How often the file may be held in memory besides."""
 
 
 def arrays_of(path: Path, convert: Callable[[Any], Arrays], code: str, where: Where) -> Arrays:

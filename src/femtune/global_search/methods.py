@@ -124,8 +124,8 @@ def global_minimum(objective: Objective, lower: Reals, upper: Reals, rules: Sear
     return GlobalMinimum(lower + minimum.x * (upper - lower), *_rest(minimum))
 
 
-def _rest(found: GlobalMinimum) -> tuple[float, Reals, Reals, bool]:
-    return found.value, found.history, found.evaluations, found.converged
+def _rest(minimum: GlobalMinimum) -> tuple[float, Reals, Reals, bool]:
+    return minimum.value, minimum.history, minimum.evaluations, minimum.converged
 
 
 def _spread_is_small(values: Reals, tolerance: float) -> bool:

@@ -21,8 +21,11 @@ from femtune.journal.run_files import OWNER_FILE, RESULTS_FILE
 IN_MEMORY = "(in memory)"
 """In place of the path of a study of Python objects."""
 _VERSION = 1
+"""Version of the form of `OWNER_FILE`; files of other versions are not read."""
 _MOST_BYTES = 1 << 22
+"""Bytes of an `OWNER_FILE` that is read, 4 MiB: it has a line for each file of a run."""
 _MOST_RESULTS = 1 << 28
+"""Bytes of a results file that is read, 256 MiB: far more than that of a large study."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ matrices that are condensed to the free DOFs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -38,6 +38,7 @@ from femtune.model import (
 )
 from femtune.model.configuration import held_dofs
 from femtune.model.derivatives.modes import inverse_gaps, outside
+from femtune.model.derivatives.sensors import TOLERANCE, outside_at_sensors
 from femtune.model.digests import digest
 from femtune.model.full_model import ModelSolver, direct
 from femtune.parameters import Parameter, ParameterSet, parse_expression
@@ -209,12 +210,17 @@ class GivingWay:
 
     def _solved(self, solution: EigenSolution, clusters: list[list[int]], rows: sp.csr_array) -> Reals:
         """The same of several subspaces, some modes at a time."""
-        gaps, members = inverse_gaps(solution, clusters), [j for cluster in clusters for j in cluster]
-        count = len(self.supports)
+        members, count = [j for cluster in clusters for j in cluster], len(self.supports)
         choice = np.zeros((len(self.rows.dofs), count))
         for k, at in enumerate(self._own):
             choice[at, k] = 1.0
-        out, K, M = np.zeros((rows.shape[0], len(members), count)), self.rows.stiffness, self.rows.mass
+        few = rows.shape[0] <= count * len(members) and max(members) < solution.wanted
+        if few and not solution.point.depends_on_frequency:
+            moved, error = outside_at_sensors(solution, rows, clusters, self._along(solution, members, choice))
+            if error <= TOLERANCE:
+                return moved
+        gaps, K, M = inverse_gaps(solution, clusters), self.rows.stiffness, self.rows.mass
+        out = np.zeros((rows.shape[0], len(members), count))
         at_once = max(1, _AT_ONCE // max(count * len(solution.shapes), 1))
         for begin in range(0, len(members), at_once):
             some = members[begin : begin + at_once]
@@ -230,6 +236,26 @@ class GivingWay:
                 u[:, acts] = rows @ outside(solution, of_column[acts], own, forces[:, acts])
                 out[:, begin : begin + at_once] = u.reshape(rows.shape[0], len(some), count)
         return out
+
+    def _along(self, solution: EigenSolution, members: list[int], choice: Reals) -> Callable[[Reals], Reals]:
+        """A function that projects the forces of the supports on vectors: (n, a) -> (supports, a, c).
+
+        The forces themselves, one for each mode and support, are never formed.
+
+        Parameters
+        ----------
+        choice : (s, supports) 1 for the DOFs of each support
+        """
+        K, M = self.rows.stiffness, self.rows.mass
+        phi, values = solution.shapes[:, members], solution.eigenvalues[members]
+        r = K @ phi - (M @ phi) * values
+
+        def along(left: Reals) -> Reals:
+            stiffness, mass = K @ left, M @ left
+            each = ((stiffness - mass * value).T @ (own[:, None] * choice) for value, own in zip(values, r.T))
+            return -np.moveaxis(np.array(list(each)), (0, 2), (2, 0))
+
+        return along
 
 
 # ----------------------------------------------------------------------------------------------------

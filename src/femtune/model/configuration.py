@@ -1,4 +1,4 @@
-"""Configuration: the structure in one state, as overlays on the deck."""
+"""Configuration: the structure in one state, as changes of the deck."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError
 from femtune.fem import NodeTable, Structure
 from femtune.fem.generic import check_whole
+from femtune.model.kinds import BASELINE
 from femtune.model.terms import Term, constant_term
 
 
@@ -48,7 +49,7 @@ class Configuration:
         this configuration, in the basic axes, for comparison; None without measurement
     """
 
-    name: str = "as the deck"
+    name: str = BASELINE
     elements_off: frozenset[int] = frozenset()
     support_set: int | None = None
     multipoint_set: int | None = None

@@ -1,4 +1,4 @@
-"""Methods of responses, by their words in a study."""
+"""Methods of responses by their words in a study, and the name of the only configuration."""
 
 from __future__ import annotations
 
@@ -16,3 +16,6 @@ FRF_METHODS: Mapping[FrfMethodWord, FrfMethod] = MappingProxyType(
 
 SweepLaw = Literal["logarithmic", "linear"]
 """How the frequency of a sine sweep changes: by octaves per minute, or by Hz per second."""
+
+BASELINE = "baseline"
+"""Name of the configuration of a study without [[configuration]], and of a model alone."""

@@ -157,11 +157,11 @@ def _in_full_model(state: CaseState, real: EigenSolution, models: Sequence[int])
 
 
 def _partners(
-    real: EigenSolution, found: _Poles, wanted: Sequence[Sequence[int]]
+    real: EigenSolution, poles: _Poles, wanted: Sequence[Sequence[int]]
 ) -> tuple[list[tuple[int, ...]], Reals]:
     """Oscillating complex modes for the real modes of each group, and their least kinetic energy in the group."""
-    some = found.oscillating
-    psi = found.shapes[:, some]
+    some = poles.oscillating
+    psi = poles.shapes[:, some]
     inertia = real.point.mass @ psi
     energy = np.einsum("ij,ij->j", psi.conj(), inertia).real
     of_group = [(np.abs(real.shapes[:, list(w)].T @ inertia) ** 2).sum(axis=0) / energy for w in wanted]

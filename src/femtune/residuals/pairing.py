@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,7 +94,7 @@ Joined = tuple[frozenset[int], ...]
 """Sets of test modes of one case that are compared as one subspace each, however close they are."""
 
 
-def join(groups: tuple[Group, ...], joined: Joined) -> tuple[Group, ...]:
+def join(groups: tuple[Group, ...], joined: Iterable[frozenset[int]]) -> tuple[Group, ...]:
     """Groups in which all that have a test mode of one of the sets are one group."""
     for tests in joined:
         inside = [g for g in groups if tests & set(g[0])]

@@ -191,6 +191,24 @@ class UpdateProblem:
         same = all(a.groups == b.groups for a, b in zip(states, at.states))
         return at if same and at.has_derivatives else self.assess(at.x, states)
 
+    def paired_as(self, end: Evaluation, states: Sequence[CaseState]) -> list[CaseState]:
+        """States at the point of an evaluation on other models, paired as that evaluation is.
+
+        As in `pair_again`, modes that were paired stay so unless something better claims the partner, and test modes
+        that were compared as one subspace still are.
+
+        Parameters
+        ----------
+        end : an evaluation of the same comparisons, such as one on reduced models
+        states : of the cases of this problem, paired afresh
+        """
+        out = []
+        for state, theirs in zip(states, end.states, strict=True):
+            groups = theirs.groups if self.pairing_held else keep_paired(theirs.groups, state.groups)
+            groups = join(groups, [frozenset(tests) for tests, _ in theirs.groups if len(tests) > 1])
+            out.append(state if groups == state.groups else state.with_groups(groups))
+        return out
+
     def over(self, at: Evaluation, tests: Sequence[Collection[int]]) -> float:
         """½ rᵀr at a point with all of some test modes compared, those included that have no partner there.
 

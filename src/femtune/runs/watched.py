@@ -23,6 +23,7 @@ _MOST_SCANNED_BYTES = 1 << 24
 _LONGEST_NAME = 1000
 """Characters of a name of a file."""
 _BLOCK_BYTES = 1 << 20
+"""Bytes that are read at once for a digest."""
 _BINARY_BYTES = 4096
 """Bytes at the beginning of a file in which a zero byte shows that it is no text."""
 

@@ -24,9 +24,11 @@ LogDensity = Callable[[Reals], tuple[Reals, Reals]]
 MIXED = 1.01
 """R-hat below which chains have forgotten where they began."""
 _ACCEPTANCE = 0.8
+"""Mean probability of acceptance that the step is adapted to (the default of Stan)."""
 _LENGTH = 2.4
 """Of a trajectory, at most, in standard deviations: a quarter of a period is π/2, and on a bent ridge it is longer."""
 _LARGEST_STEP = 1.0
+"""Largest step of a trajectory in standard deviations: leapfrog steps are stable below 2."""
 _FEWEST_POINTS = 4
 """Points a coordinate from which a covariance is estimated."""
 _RIDGE = 1e-9

@@ -62,10 +62,10 @@ class Solving:
             return SolvedSample(np.zeros(0), problem=error.what)
         return self.of(found, derivatives, anew)
 
-    def of(self, found: Evaluation, derivatives: bool = True, anew: bool = False) -> SolvedSample:
+    def of(self, evaluation: Evaluation, derivatives: bool = True, anew: bool = False) -> SolvedSample:
         """Residuals of an evaluation."""
-        blocks = kept_blocks(found)
-        prior, rows = self.side.rows(found.x)
+        blocks = kept_blocks(evaluation)
+        prior, rows = self.side.rows(evaluation.x)
         known = np.broadcast_to(self.side.informative, len(prior))
         values = np.concatenate([*(b.values for b in blocks), prior[known]])
         if not derivatives:
@@ -79,6 +79,6 @@ class Solving:
         return int(np.sum(np.broadcast_to(self.side.informative, len(self.side.rows(self.at.x)[0]))))
 
 
-def kept_blocks(found: Evaluation) -> list[ResidualBlock]:
+def kept_blocks(evaluation: Evaluation) -> list[ResidualBlock]:
     """Blocks whose values have a known distribution, as independent values of unit variance."""
-    return [b.whitened() for b in found.weighted if not b.without_distribution]
+    return [b.whitened() for b in evaluation.weighted if not b.without_distribution]

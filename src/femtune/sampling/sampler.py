@@ -57,6 +57,7 @@ _PLAIN_ROUND = 150
 _MOST_COEFFICIENTS = 520
 """Coefficients of a surrogate: a cubic one of 12 parameters, a quadratic one of 30."""
 _EVIDENCE_SAMPLES = 4_000
+"""Samples, drawn at random, from which the evidence is computed; its standard deviation is stated."""
 _INNER = 2.5
 """Place in standard normal coordinates where chains begin that would begin on a bound."""
 

@@ -114,7 +114,9 @@ def fitted_pareto(excess: Reals) -> tuple[float, float]:
 _DEGREES = 8.0
 """Of the Student t distribution that is compared with: its tails are wider than those of most densities."""
 _ITERATIONS = 100
+"""Iterations of bridge sampling (Meng and Wong 1996) at most."""
 _CONVERGED = 1e-8
+"""Change of the logarithm of the integral at which the iteration ends: far below its standard deviation."""
 
 
 def log_integral(z: Reals, log_density: Callable[[Reals], Reals], rng: np.random.Generator) -> tuple[float, float]:

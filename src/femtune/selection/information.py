@@ -203,29 +203,30 @@ def measure_sentences(alike: Collinearity, information: Information, subset: Sub
     return [*_of_subset(subset), *_of_pairs(alike), *_of_dependences(alike), *_of_information(information)]
 
 
-def _of_subset(found: Subset) -> list[str]:
-    if not found.steps:
+def _of_subset(subset: Subset) -> list[str]:
+    if not subset.steps:
         return ["No parameter affects the residuals."]
-    if not found.chosen:
-        best = found.steps[0]
+    if not subset.chosen:
+        best = subset.steps[0]
         if np.isnan(best.p_value):
             return [
-                f"{best.name} explains the residual best and leaves {100 * best.left:.0f} % of it. Not tested whether "
+                f"{best.name} reduces the misfit most, by {100 * (1.0 - best.left):.0f} %. Not tested whether "
                 "this is more than noise: the standard deviations are relative weights, and all parameters together "
                 "leave no degrees of freedom to estimate their size."
             ]
         return [
-            f"No parameter reduces the residual significantly. The best is {best.name}, which leaves "
-            f"{100 * best.left:.0f} % of it. {_against_noise(best)}"
+            f"No parameter reduces the misfit significantly. The best is {best.name}, which reduces it by "
+            f"{100 * (1.0 - best.left):.0f} %. {_against_noise(best)}"
         ]
-    last = found.steps[len(found.chosen) - 1]
-    weakest = max(found.steps[: len(found.chosen)], key=lambda step: step.p_value)
+    last = subset.steps[len(subset.chosen) - 1]
+    weakest = max(subset.steps[: len(subset.chosen)], key=lambda step: step.p_value)
     verb, least = (
-        ("explains", "") if len(found.chosen) == 1 else ("explain", f"{weakest.name} is the least significant. ")
+        ("reduces", "")
+        if len(subset.chosen) == 1
+        else ("together reduce", f"{weakest.name} is the least significant. ")
     )
     return [
-        f"{_few(found.chosen)} {verb} the residual best; {100 * last.left:.0f} % of it is left. "
-        f"{least}{_against_noise(weakest)}"
+        f"{_few(subset.chosen)} {verb} the misfit by {100 * (1.0 - last.left):.0f} %. {least}{_against_noise(weakest)}"
     ]
 
 
@@ -258,9 +259,9 @@ def _of_dependences(alike: Collinearity) -> list[str]:
     ]
 
 
-def _of_information(found: Information) -> list[str]:
-    known = found.known
-    if len(known) == len(found.names):
+def _of_information(information: Information) -> list[str]:
+    known = information.known
+    if len(known) == len(information.names):
         return []
     if not known:
         return ["The data alone determine no parameter if all others are unknown."]

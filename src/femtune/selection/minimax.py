@@ -23,6 +23,7 @@ _MOST_STEPS = 15
 _FIRST_RADIUS = 0.25
 """First trust region, relative to the width of the bounds."""
 _SMALLEST_RADIUS = 1e-6
+"""Trust region, relative to the width of the bounds, at which the search ends: a smaller change has no effect."""
 _LEAST_GAIN = 1e-3
 """Predicted decrease, relative to the largest residual, that is not worth another evaluation."""
 _GOOD = 0.1

@@ -20,6 +20,8 @@ HUNG_UP = 129
 """The terminal was closed: 128 + SIGHUP, as shells report it."""
 INTERRUPTED = 130
 """Ctrl-C: 128 + SIGINT, as shells report it."""
+CUT_OFF = 141
+"""The reader of the output ended, such as ``head``: 128 + SIGPIPE, as shells report it."""
 TERMINATED = 143
 """A request to terminate: 128 + SIGTERM."""
 
@@ -44,6 +46,7 @@ EXIT_CODES = (
     ExitCode(FAULT, "all", "internal error of femtune"),
     ExitCode(HUNG_UP, "all", "SIGHUP: the terminal was closed"),
     ExitCode(INTERRUPTED, "all", "Ctrl-C"),
+    ExitCode(CUT_OFF, "all", "the reader of the output ended"),
     ExitCode(TERMINATED, "all", "SIGTERM"),
 )
 

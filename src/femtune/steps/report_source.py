@@ -124,8 +124,8 @@ def _scores(pairs: list[tuple[str, ModePairRecord]]) -> Scores:
         return Scores(0, None, None, "", None, "")
     configuration, worst = max(pairs, key=lambda p: abs(p[1].freq_error_percent))
     mean = float(np.mean([abs(p.freq_error_percent) for _, p in pairs]))
-    mac, label = _lowest((p.mac, f"{c} mode {p.test_label}") for c, p in pairs if p.mac is not None)
-    return Scores(len(pairs), mean, worst.freq_error_percent, f"{configuration} mode {worst.test_label}", mac, label)
+    mac, label = _lowest((p.mac, f"mode {p.test_label} ({c})") for c, p in pairs if p.mac is not None)
+    return Scores(len(pairs), mean, worst.freq_error_percent, f"mode {worst.test_label} ({configuration})", mac, label)
 
 
 def _lowest(values: Iterable[tuple[float, str]]) -> tuple[float | None, str]:

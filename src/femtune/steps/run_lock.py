@@ -24,6 +24,8 @@ Far behind the text, because a lock there also forbids others to read.
 """
 _MOST_TEXT_BYTES = 4096
 """Bytes of the lock file that are read: its text is shorter, and a file that is no lock file may be long."""
+_BOOT = Path("/proc/sys/kernel/random/boot_id")
+"""What Linux calls itself since it was started: the same in all containers of a machine, whose host names differ."""
 _OPEN_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 """Flags for opening the lock file: a link is not followed, and a pipe does not block."""
 
@@ -80,12 +82,25 @@ def _is_free(handle: int, holder: dict[str, str]) -> bool:
     try:
         return _try_lock(handle) and _is_here(holder)
     except OSError:
-        # a disk without locks: what is signed has to do
-        return _is_here(holder) and not is_alive(holder.get("pid", ""))
+        # a disk without locks: what is signed has to do; numbers of processes in another container say nothing
+        return _is_host(holder) and not is_alive(holder.get("pid", ""))
 
 
 def _is_here(holder: dict[str, str]) -> bool:
+    """Whether the holder is on this machine, in a container perhaps: its lock is seen here."""
+    kernel = _kernel()
+    return _is_host(holder) or (kernel != "" and holder.get("kernel") == kernel)
+
+
+def _is_host(holder: dict[str, str]) -> bool:
     return holder.get("host", platform.node()) == platform.node()
+
+
+def _kernel() -> str:
+    try:
+        return _BOOT.read_text(encoding="ascii").strip()
+    except (OSError, ValueError):
+        return ""
 
 
 def _in_place(path: Path, handle: int) -> bool:
@@ -99,7 +114,8 @@ def _sign(handle: int) -> None:
     now = datetime.now(UTC).isoformat(timespec="seconds")
     os.ftruncate(handle, 0)
     os.lseek(handle, 0, os.SEEK_SET)
-    os.write(handle, json.dumps({"pid": str(os.getpid()), "host": platform.node(), "since": now}).encode())
+    text = {"pid": str(os.getpid()), "host": platform.node(), "since": now, "kernel": _kernel()}
+    os.write(handle, json.dumps(text).encode())
 
 
 def _holder(handle: int) -> dict[str, str]:
@@ -108,7 +124,8 @@ def _holder(handle: int) -> dict[str, str]:
         text = json.loads(os.read(handle, _MOST_TEXT_BYTES))
     except (ValueError, RecursionError):
         return {}
-    signed = isinstance(text, dict) and set(text) == {"pid", "host", "since"}
+    # earlier versions did not name the kernel
+    signed = isinstance(text, dict) and set(text) | {"kernel"} == {"pid", "host", "since", "kernel"}
     return text if signed and all(isinstance(v, str) for v in text.values()) else {}
 
 
@@ -116,7 +133,7 @@ def _taken(path: Path, holder: dict[str, str]) -> FemtuneError:
     return FemtuneError(
         "run.locked" if _is_here(holder) else "run.locked/other-host",
         where=Where(str(path)),
-        values={"process": holder.get("pid", "not known"), **{k: v for k, v in holder.items() if k != "pid"}},
+        values={"process": holder.get("pid", "not known"), **{k: holder[k] for k in ("host", "since") if k in holder}},
         host=holder.get("host"),
         lock=path.name,
     )

@@ -318,7 +318,7 @@ OUTPUT = click.Option(["--output"], type=FILE, metavar="FOLDER", help="Run folde
 FRESH = click.Option(["--fresh"], is_flag=True, help="Ignore the journal of an earlier run and solve everything again.")
 JOBS = click.Option(
     ["--jobs"], type=click.IntRange(1, 1024), metavar="N", expose_value=False, callback=keep_jobs,
-    help="The most runs at a time that do not depend on each other, in place of [parallel].",
+    help="Maximum number of parallel runs (overrides [parallel]).",
 )  # fmt: skip
 STRICT = click.Option(
     ["--strict"], is_flag=True, expose_value=False, callback=keep_strict,

@@ -20,7 +20,7 @@ Rows = NDArray[np.int64]
 MOST_LINES = 4000
 """Lines of a drawing; larger meshes are simplified, so that files stay small and views turn smoothly."""
 MOST_FACES = 30_000
-"""Faces of a drawing, likewise."""
+"""Faces of a drawing; meshes with more are simplified."""
 ELEMENT = 0
 """Kind of a line that is an element."""
 RIGID = 1

@@ -544,14 +544,14 @@ _WHY_UNLIKE = (
 )
 
 
-def _spread(found: BootstrapResult) -> list[str]:
-    moved = [p for p in found.found if p.sd > _NO_SCATTER * abs(p.mean)]
+def _spread(result: BootstrapResult) -> list[str]:
+    moved = [p for p in result.found if p.sd > _NO_SCATTER * abs(p.mean)]
     if not moved:
         return ["The runs have no scatter: the model reproduces the data exactly."]
     known = [p for p in moved if np.isfinite(p.cov)]
-    what = DRAWINGS[found.rules.method].label
-    out = [f"{len(found.samples)} bootstrap runs: {what}."]
-    if found.identified:
+    what = DRAWINGS[result.rules.method].label
+    out = [f"{len(result.samples)} bootstrap runs: {what}."]
+    if result.identified:
         out.append("What is drawn are the measured FRFs; each run identifies the test again and equalises its damping.")
     if known:
         worst = max(known, key=lambda p: p.cov)
@@ -560,55 +560,55 @@ def _spread(found: BootstrapResult) -> list[str]:
     if (
         ratio
         and not 1.0 / _NOTABLE_RATIO < (middle := float(np.median(ratio))) < _NOTABLE_RATIO
-        and (found.rules.method != "noise" or found.identified)
+        and (result.rules.method != "noise" or result.identified)
     ):
         out.append(
             f"The standard deviations are {middle:.2g} times those by the inverse Fisher information (median), "
-            f"{_WHY_UNLIKE[found.identified]}."
+            f"{_WHY_UNLIKE[result.identified]}."
         )
     return out
 
 
-def _bias(found: BootstrapResult) -> list[str]:
-    biased = [p for p in found.found if abs(p.bias) > _NOTABLE_BIAS]
+def _bias(result: BootstrapResult) -> list[str]:
+    biased = [p for p in result.found if abs(p.bias) > _NOTABLE_BIAS]
     if not biased:
         return []
     listed = ", ".join(f"{p.name} {p.bias:+.2g} σ" for p in biased)
     cause = (
         "noise at antiresonances biases logarithms; weight the residual by the noise (floor, averages)"
-        if found.rules.method == "noise"
+        if result.rules.method == "noise"
         else "the model does not describe all lines equally well, or few lines dominate"
     )
     return [f"The mean of the runs differs from the result by more than half a standard deviation ({listed}): {cause}."]
 
 
-def _method(found: BootstrapResult) -> list[str]:
-    if found.difference is None:
+def _method(result: BootstrapResult) -> list[str]:
+    if result.difference is None:
         return []
-    verdict = "agree" if found.difference <= _AGREEMENT else "do not agree"
-    if found.identified:
+    verdict = "agree" if result.difference <= _AGREEMENT else "do not agree"
+    if result.identified:
         said = (
-            f"{len(found.check)} runs with another identification, which chooses the modes again, differ from those "
-            f"with one step of the identification by at most {found.difference:.2g} σ."
+            f"{len(result.check)} runs with another identification, which chooses the modes again, differ from those "
+            f"with one step of the identification by at most {result.difference:.2g} σ."
         )
         why = "The choice of modes depends on the noise, which the standard deviations do not contain."
-        return [said, why] if found.difference > _APART else [said]
+        return [said, why] if result.difference > _APART else [said]
     return [
-        f"{len(found.check)} runs with derivatives at every point {verdict} with those with shared derivatives: the "
-        f"largest difference is {found.difference:.2g} σ."
+        f"{len(result.check)} runs with derivatives at every point {verdict} with those with shared derivatives: the "
+        f"largest difference is {result.difference:.2g} σ."
     ]
 
 
-def _trouble(found: BootstrapResult) -> list[str]:
+def _trouble(result: BootstrapResult) -> list[str]:
     out = []
-    failed = [r for r in found.runs if r.problem]
-    open_ = len(found.runs) - len(found.samples) - len(failed)
+    failed = [r for r in result.runs if r.problem]
+    open_ = len(result.runs) - len(result.samples) - len(failed)
     if open_:
-        out.append(f"{open_} of {len(found.runs)} runs did not converge and are left out.")
+        out.append(f"{open_} of {len(result.runs)} runs did not converge and are left out.")
     if failed:
         reason = failed[0].problem
-        out.append(f"{len(failed)} of {len(found.runs)} runs could not be solved and are left out: {reason}.")
-    held = [p.name for p in found.found if p.at_bound > 0.0]
+        out.append(f"{len(failed)} of {len(result.runs)} runs could not be solved and are left out: {reason}.")
+    held = [p.name for p in result.found if p.at_bound > 0.0]
     if held:
         out.append(f"Some runs end at a bound of {', '.join(held)}; the spread of these parameters is cut off there.")
     return out

@@ -151,7 +151,7 @@ class ForwardCheck:
 
 def forward_check(
     outputs: Outputs,
-    found: StochasticResult,
+    result: StochasticResult,
     samples: int = 1000,
     seed: int = 1,
     solve: Callable[[Counted, Reals], Reals] = propagate,
@@ -167,8 +167,8 @@ def forward_check(
     FemtuneError : ``quantify.not-positive``, ``quantify.not-finite``, and what the model raises
     """
     counted = Counted(outputs)
-    theta = latin_hypercube(found.mean, found.covariance, samples, seed)
-    return ForwardCheck(found.names, theta, solve(counted, theta), found.measured, counted.solutions)
+    theta = latin_hypercube(result.mean, result.covariance, samples, seed)
+    return ForwardCheck(result.names, theta, solve(counted, theta), result.measured, counted.solutions)
 
 
 def ellipse(mean: Reals, covariance: Reals, probability: float = 0.95, points: int = 121) -> Reals:

@@ -20,7 +20,9 @@ FEWEST_DEGREES = 3.0
 """Degrees of freedom below which a kind tells nothing of its errors: the 95 % interval of its factor would reach from
 a half to six times it."""
 _TOLERANCE = 1e-6
+"""Relative change of all factors at which the iteration ends: far below their standard deviations."""
 _MOST_ITERATIONS = 200
+"""Iterations at most."""
 _LEAST = 1e-8
 """Least factor: residuals of a model that fits exactly are rounding."""
 

@@ -72,7 +72,7 @@ class MinimumRules:
 def look_further(
     problem: UpdateProblem,
     method: SensitivityMethod,
-    found: UpdateResult,
+    result: UpdateResult,
     rules: MinimumRules = MinimumRules(),
     report: Callable[[Iteration], None] = lambda i: None,
 ) -> UpdateResult:
@@ -85,10 +85,10 @@ def look_further(
 
     Parameters
     ----------
-    found : the update of the problem
+    result : the update of the problem
     report : is called with every iteration that becomes a part of the history
     """
-    search = _Search(problem, replace(method, regularisation=found.side), rules, found, report)
+    search = _Search(problem, replace(method, regularisation=result.side), rules, result, report)
     return search.go()
 
 
@@ -347,10 +347,10 @@ class Valley:
     size: float
 
     @classmethod
-    def of(cls, walk: Walk, found: UpdateResult) -> Valley:
+    def of(cls, walk: Walk, result: UpdateResult) -> Valley:
         """Of the end of an update."""
-        free = max(found.after.independent - int(walk.moving.sum()), 1)
-        return cls(walk, walk.point(found.after), float(np.sqrt(2.0 * found.after.objective / free)))
+        free = max(result.after.independent - int(walk.moving.sum()), 1)
+        return cls(walk, walk.point(result.after), float(np.sqrt(2.0 * result.after.objective / free)))
 
     def holds(self, at: Evaluation) -> bool:
         """Whether a point with derivatives lies in it."""

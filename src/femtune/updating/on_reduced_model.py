@@ -496,7 +496,7 @@ def update_reduced(
             break
         # full modes, whose room the next look needs
         del look
-    full = search.assess(x, look.states, look.better)
+    full = search.assess(x, problem.paired_as(result.after, look.states), look.better)
     facts, better = search.facts(look.there.frequencies), replace(search, trained=look.better)
     end = replace(on_full_model(problem, method, before, full, result, search.history), minimum=minimum)
     return ReducedUpdate(end, facts, tuple(rounds), look.agree, better, look.there.functions)
@@ -720,16 +720,16 @@ def on_full_model(
     method: SensitivityMethod,
     before: Evaluation,
     full: Evaluation,
-    found: UpdateResult,
+    result: UpdateResult,
     history: Sequence[Iteration],
 ) -> UpdateResult:
     """The result at the final point with residuals, Jacobian and covariance of the full model."""
-    there = update(problem, replace(method, max_iterations=0, smallest_change=0.0), start=full, active=found.active)
-    walk = Walk(problem, moving_parameters(problem, found.active), there.side)
+    there = update(problem, replace(method, max_iterations=0, smallest_change=0.0), start=full, active=result.active)
+    walk = Walk(problem, moving_parameters(problem, result.active), there.side)
     return replace(
-        there, status=found.status, before=before, history=tuple(history),
-        number=len(history) - len(found.history) + found.number,
-        certificate=certificate(walk, full, found.smallest_change), smallest_change=found.smallest_change,
+        there, status=result.status, before=before, history=tuple(history),
+        number=len(history) - len(result.history) + result.number,
+        certificate=certificate(walk, full, result.smallest_change), smallest_change=result.smallest_change,
     )  # fmt: skip
 
 
@@ -808,7 +808,8 @@ def multi_start_reduced(
     outcome = run.certify(outcome, lambda p: p, method)
     look = run.at_end
     assert look is not None
-    full = run.search.assess(outcome.best.x, look.states, look.better)
+    states = problem.paired_as(outcome.best.after, look.states)
+    full = run.search.assess(outcome.best.x, states, look.better)
     best = on_full_model(problem, method, before, full, outcome.best, outcome.best.history)
     facts = run.search.facts(look.there.frequencies)
     search = replace(run.search, trained=look.better)

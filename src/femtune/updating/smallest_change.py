@@ -58,7 +58,7 @@ _LEAST_WEIGHT = 1e-7
 """Smallest weight, relative to the norm of the Jacobian: half of the digits of a double; the rows of the change then
 add nothing to the sum of squares."""
 _MOST_WEIGHT = 1e7
-"""Largest weight, likewise: the residuals then add nothing."""
+"""Largest weight: the residuals then add nothing."""
 
 
 def weight_for(local: LocalModel, change: SideConstraint, x: Reals, increase: float) -> float:

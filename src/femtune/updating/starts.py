@@ -77,11 +77,11 @@ class StartResult:
     common: float = float("nan")
 
     @classmethod
-    def of(cls, number: int, start: Reals, found: UpdateResult, tries: int = 1, iterations: int = 0) -> StartResult:
+    def of(cls, number: int, start: Reals, result: UpdateResult, tries: int = 1, iterations: int = 0) -> StartResult:
         """The end of an update."""
         return cls(
-            number, start, found.x, found.objective, found.status, tries, iterations,
-            residuals=found.after.independent, tests=found.after.tests,
+            number, start, result.x, result.objective, result.status, tries, iterations,
+            residuals=result.after.independent, tests=result.after.tests,
         )  # fmt: skip
 
     @property
@@ -140,13 +140,13 @@ def comparable(starts: Sequence[StartResult]) -> list[StartResult]:
     return [s for s in ends if s.residuals == most]
 
 
-def best_of(problem: UpdateProblem, found: Sequence[UpdateResult]) -> int:
+def best_of(problem: UpdateProblem, results: Sequence[UpdateResult]) -> int:
     """Position of the update of a problem with the smallest objective over the same test modes; of an optimum if there
     is any."""
-    tests = united([end.after.tests for end in found])
+    tests = united([end.after.tests for end in results])
     ends = [
         replace(StartResult.of(i, end.x, end), common=objective_over(problem, end, tests))
-        for i, end in enumerate(found)
+        for i, end in enumerate(results)
     ]
     return min(ends, key=height).number
 
@@ -288,7 +288,8 @@ class StartRules:
     samples: int = 0
 
 
-DEFAULT_METHOD, DEFAULT_RULES = SensitivityMethod(), StartRules()
+DEFAULT_METHOD = SensitivityMethod()
+DEFAULT_RULES = StartRules()
 
 
 @dataclass(frozen=True, eq=False)
@@ -427,7 +428,7 @@ def _best_points(samples: Sequence[Sample], nominal: Reals, count: int) -> Reals
 
 
 def follow_up(
-    found: MultiStart,
+    starts: MultiStart,
     problem: UpdateProblem,
     method: SensitivityMethod,
     side: SideConstraint,
@@ -447,17 +448,17 @@ def follow_up(
     """
     tries = _Tries(problem, replace(method, regularisation=side), (), active)
     search = _Search(tries, DEFAULT_RULES, {}, nothing, Serial())
-    return search.further(found, problem.start(found.best.before.x), unfinished)
+    return search.further(starts, problem.start(starts.best.before.x), unfinished)
 
 
-def _followed(found: MultiStart, unfinished: bool) -> dict[int, int]:
+def _followed(starts: MultiStart, unfinished: bool) -> dict[int, int]:
     """For each start that is continued by or ends with another one: the number of the other one."""
-    by_number = {s.number: s for s in found.starts}
+    by_number = {s.number: s for s in starts.starts}
     out = {}
-    for optimum in found.optima:
+    for optimum in starts.optima:
         leader = min(optimum.members, key=lambda n: (by_number[n].compared, n))
         out.update(dict.fromkeys(optimum.members, leader))
-    open_ = [s for s in found.starts if s.status is not None and s.number not in out]
+    open_ = [s for s in starts.starts if s.status is not None and s.number not in out]
     if not unfinished:
         open_ = sorted(open_, key=lambda s: (s.compared, s.number))[:1] if not out else []
     return {**out, **{s.number: s.number for s in open_}}
@@ -538,21 +539,21 @@ class _Search:
                 starts[i] = result
         return self._result(tuple(starts), before)
 
-    def further(self, found: MultiStart, before: Evaluation, unfinished: bool) -> MultiStart:
+    def further(self, starts: MultiStart, before: Evaluation, unfinished: bool) -> MultiStart:
         """The ends from where they are, see `follow_up`."""
-        leaders, ends = _followed(found, unfinished), dict[int, StartResult]()
-        for s in found.starts:
+        leaders, ends = _followed(starts, unfinished), dict[int, StartResult]()
+        for s in starts.starts:
             if leaders.get(s.number) == s.number:
                 ends[s.number] = self._remembered(self.tries((s, s.end)))
-        return self._result(tuple(_ended(s, ends.get(leaders.get(s.number, 0))) for s in found.starts), before)
+        return self._result(tuple(_ended(s, ends.get(leaders.get(s.number, 0))) for s in starts.starts), before)
 
     def _set_out(self, tasks: Sequence[_Task]) -> list[StartResult]:
         """One more run of some starts; of each the better result is kept."""
         keys = [(so_far.number, so_far.tries + 1) for so_far, _ in tasks]
         known: dict[int, _Try] = {i: (self.known[key], None) for i, key in enumerate(keys) if key in self.known}
 
-        def tell(i: int, found: _Try) -> None:
-            self.report(self._better(tasks[i][0], found[0]))
+        def tell(i: int, trial: _Try) -> None:
+            self.report(self._better(tasks[i][0], trial[0]))
 
         every = finish(self.executor, self.tries, tasks, known, name="start", finished=tell)
         return [
@@ -560,19 +561,19 @@ class _Search:
             for i, found in enumerate(every)
         ]
 
-    def _better(self, so_far: StartResult, found: StartResult) -> StartResult:
+    def _better(self, so_far: StartResult, result: StartResult) -> StartResult:
         """The start that is kept after one more run."""
         if so_far.status is None:
-            return found
-        if found.status is not None:
-            tests = united([so_far.tests, found.tests])
-            if self._over(found, tests) < self._over(so_far, tests):
-                return found
-        return replace(so_far, tries=found.tries, iterations=found.iterations)
+            return result
+        if result.status is not None:
+            tests = united([so_far.tests, result.tests])
+            if self._over(result, tests) < self._over(so_far, tests):
+                return result
+        return replace(so_far, tries=result.tries, iterations=result.iterations)
 
-    def _remembered(self, found: _Try) -> StartResult:
+    def _remembered(self, trial: _Try) -> StartResult:
         """The start; its update is kept where it is the best so far."""
-        start, result = found
+        start, result = trial
         if result is not None and (self.best is None or best_of(self.problem, [self.best, result]) == 1):
             self.best = result
         return start

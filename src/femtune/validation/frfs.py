@@ -172,7 +172,7 @@ Measured = tuple[float, str] | NotTested
 """The worst value, and its place."""
 
 
-def assess_frfs(found: PredictedFrfs, criteria: Sequence[Criterion]) -> tuple[Verdict, ...]:
+def assess_frfs(predicted: PredictedFrfs, criteria: Sequence[Criterion]) -> tuple[Verdict, ...]:
     """A verdict on each criterion of FRFs, by the worst function, input or resonance.
 
     Examples
@@ -185,41 +185,41 @@ def assess_frfs(found: PredictedFrfs, criteria: Sequence[Criterion]) -> tuple[Ve
     >>> [(v.outcome.value, round(v.measured, 2)) for v in assess_frfs(found, criteria)]
     [('pass', 1.0), ('fail', 6.02)]
     """
-    return tuple(_verdict(found, c) for c in criteria)
+    return tuple(_verdict(predicted, c) for c in criteria)
 
 
-def _verdict(found: PredictedFrfs, criterion: Criterion) -> Verdict:
-    if not found.matches:
+def _verdict(predicted: PredictedFrfs, criterion: Criterion) -> Verdict:
+    if not predicted.matches:
         return not_tested(criterion, "the unused FRFs are zero in the model, or outside of the frequency lines")
-    measured = _MEASURES[criterion.quantity](found)
+    measured = _MEASURES[criterion.quantity](predicted)
     if isinstance(measured, NotTested):
         return not_tested(criterion, measured.reason)
     return judge(criterion, *measured)
 
 
-def _frac(found: PredictedFrfs) -> Measured:
-    known = [(m.frac, m.label) for m in found.matches if m.frac is not None]
+def _frac(predicted: PredictedFrfs) -> Measured:
+    known = [(m.frac, m.label) for m in predicted.matches if m.frac is not None]
     return min(known) if known else NotTested("the FRFs have fewer than two common frequency lines")
 
 
-def _fdac(found: PredictedFrfs) -> Measured:
-    known = [(value, f"input {label}") for label, value in found.fdac()]
+def _fdac(predicted: PredictedFrfs) -> Measured:
+    known = [(value, f"input {label}") for label, value in predicted.fdac()]
     return min(known) if known else NotTested("no input has unused FRFs of three outputs or more")
 
 
-def _mean_level(found: PredictedFrfs) -> Measured:
-    return max((m.mean_db, m.label) for m in found.matches)
+def _mean_level(predicted: PredictedFrfs) -> Measured:
+    return max((m.mean_db, m.label) for m in predicted.matches)
 
 
-def _max_level(found: PredictedFrfs) -> Measured:
-    worst = max(found.matches, key=lambda m: m.max_db)
+def _max_level(predicted: PredictedFrfs) -> Measured:
+    worst = max(predicted.matches, key=lambda m: m.max_db)
     return worst.max_db, f"{worst.label} at {worst.max_hz:.4g} Hz"
 
 
-def _resonance(found: PredictedFrfs) -> Measured:
-    if not found.resonances:
+def _resonance(predicted: PredictedFrfs) -> Measured:
+    if not predicted.resonances:
         return NotTested("the measured FRFs have no distinct resonance peak")
-    worst = max(found.resonances, key=lambda m: m.error)
+    worst = max(predicted.resonances, key=lambda m: m.error)
     if worst.model_hz is None:
         place = f"the model has no peak within {100 * _FAR:.0f} % of {worst.test_hz:.4g} Hz"
     else:

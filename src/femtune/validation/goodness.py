@@ -33,12 +33,12 @@ class Finding(Enum):
     NOT_TESTED = "not tested"
     NOISE = "the residuals may be noise of the stated size"
     SMALL = (
-        "the residuals are smaller than the stated standard deviations imply: these are too large, or the errors of "
+        "the fit is better than the stated standard deviations predict: they are probably too large, or the errors of "
         "the values are correlated"
     )
     SMALL_SYSTEMATIC = (
-        "the residuals are smaller than the stated standard deviations imply, and they are not random: the standard "
-        "deviations are too large, or the errors of the values are correlated"
+        "the fit is better than the stated standard deviations predict, and the residuals are not random: the "
+        "standard deviations are probably too large, or the errors of the values are correlated"
     )
     SYSTEMATIC = "the residuals have the stated size, but they are not random"
     LARGE = "the residuals are larger than noise of the stated size"

@@ -135,7 +135,7 @@ def tip_displacement(mesh, component: int) -> float:
 
 
 def slender(lean_of_layer):
-    """MacNeal and Harder's slender beam 6 × .2 × .1; the layers between its six cells lean by 45 degrees."""
+    """MacNeal and Harder's slender beam 6 × 0.2 × 0.1; the layers between its six cells lean by 45 degrees."""
 
     def place(u, v, w):
         k = np.rint(6 * u)
@@ -217,7 +217,7 @@ def test_a_thick_cylinder_of_nearly_incompressible_material(nu: float):
 
 
 def test_a_nearly_incompressible_strip_bends():
-    """A cantilever in plane strain, ν = .4999, one row of cells: P L³/(3 E' I) with E' = E/(1 − ν²)."""
+    """A cantilever in plane strain, ν = 0.4999, one row of cells: P L³/(3 E' I) with E' = E/(1 − ν²)."""
     nu, length, height = 0.4999, 10.0, 0.5
     mesh = solid_mesh(box(length, height, 1.0), (20, 1, 1))
     everywhere = np.arange(len(mesh.xyz))
@@ -273,7 +273,7 @@ def wing_frequency(counts: tuple[int, int, int], kind: str = "hexa8") -> float:
 
 @pytest.mark.slow
 def test_a_wing_of_one_layer(monkeypatch: pytest.MonkeyPatch):
-    """One layer of cells is within .5 % of quadratic ones; plain hexahedra are several times too stiff there."""
+    """One layer of cells is within 0.5 % of quadratic ones; plain hexahedra are several times too stiff there."""
     reference = wing_frequency((6, 20, 1), "hexa20")
     assert wing_frequency((6, 20, 1)) == pytest.approx(reference, rel=0.005)
     _put(monkeypatch, "hexa8", PLAIN)
@@ -281,7 +281,7 @@ def test_a_wing_of_one_layer(monkeypatch: pytest.MonkeyPatch):
 
 
 def pressed_block(kind: str, n: int) -> float:
-    """Energy of a quarter of a block of ν = .4999 whose lower face is glued and whose upper face moves up by one."""
+    """Energy of a quarter of a block of ν = 0.4999 whose lower face is glued and whose upper face moves up by one."""
     mesh = solid_mesh(box(1.0, 1.0, 1.0), (n, n, n), kind)
     top = 3 * mesh.face("w1") + 2
     glued = translations_of(mesh.face("w0"))

@@ -49,7 +49,7 @@ def test_an_equilateral_column_twists_as_st_venant_says():
 
 
 def test_a_right_angled_column_twists_nearly_so():
-    """J = .02609 a⁴ for legs a (Roark); the corners' warping is left to the element's own balance."""
+    """J = 0.02609 a⁴ for legs a (Roark); the corners' warping is left to the element's own balance."""
     a = 1.0
     xyz = column([(0, 0), (a, 0), (0, a)])
     x, y, z = xyz.T

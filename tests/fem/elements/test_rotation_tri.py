@@ -35,7 +35,7 @@ def test_without_rotations_the_mean_is_the_constant_triangle() -> None:
 
 
 def cantilever(nx: int, ny: int) -> float:
-    """Deflection of the tip of 48 × 12 under a parabolic shear of 40, clamped; exact .3558 (Timoshenko)."""
+    """Deflection of the tip of 48 × 12 under a parabolic shear of 40, clamped; exact 0.3558 (Timoshenko)."""
     length, depth, force = 48.0, 12.0, 40.0
     number = lambda i, j: i * (ny + 1) + j  # noqa: E731
     xy = np.array([[length * i / nx, depth * j / ny - depth / 2] for i in range(nx + 1) for j in range(ny + 1)])

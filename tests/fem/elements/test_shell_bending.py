@@ -232,6 +232,6 @@ def clamped_centre(n: int) -> float:
 
 
 def test_long_cells_are_neither_too_stiff_nor_too_soft() -> None:
-    """Timoshenko: .00725 P a²/D for a plate 1 : 5."""
+    """Timoshenko: 0.00725 P a²/D for a plate 1 : 5."""
     exact = 1000.0 * 0.00725 * 4.0
     np.testing.assert_allclose([clamped_centre(n) / exact for n in (4, 8)], [0.93, 1.0], atol=0.02)

@@ -34,7 +34,7 @@ def test_calculix_matrices_have_the_modes_that_calculix_lists(calculix_job: Path
     np.testing.assert_allclose(frequencies(full(K), full(M), 10), listed, rtol=2e-6)
     rows = read_dof_list(calculix_job / "beam.dof")
     np.testing.assert_array_equal(K.rows, rows)
-    # mass of the free nodes of 2 m x .2 m x .12 m of steel, in each direction
+    # mass of the free nodes of 2 m x 0.2 m x 0.12 m of steel, in each direction
     x = np.where(rows[:, 1] == 1, 1.0, 0.0)
     assert 0.9 * 374.4 < x @ full(M) @ x < 374.4
 

@@ -138,7 +138,7 @@ def test_a_tapered_beam_meets_its_division(deck_of: DeckOf):
 
 
 def test_composite_of_one_material_is_the_sum_of_its_lumps(deck_of: DeckOf):
-    """Four lumps of a quarter of the area at (±.1, ±.05)."""
+    """Four lumps of a quarter of the area at (±0.1, ±0.05)."""
     text = "PBCOMP,3,1,1.-3,,,,4.-6,.5\n,,,,,,,1\n,.1,.05,.25\nENDDATA\n"
     model, batch = built(deck_of(BASE + text))
     expected = {"A": 1e-3, "I1": 1e-5, "I2": 2.5e-6, "I12": 0.0, "J": 4e-6, "NSM": 0.5, "rho": 7800.0, "K1": 1.0}

@@ -105,7 +105,7 @@ def test_a_laminate_of_one_law_is_a_plate_of_it(deck_of: DeckOf) -> None:
 
 
 def test_non_structural_mass_is_of_the_curved_area(deck_of: DeckOf) -> None:
-    """A side bulges: the area is that of rectangle and parabola, 2 + 2/3 · 2 · .3, and a total is spread over it."""
+    """A side bulges: the area is that of rectangle and parabola, 2 + 2/3 · 2 · 0.3, and a total is spread over it."""
     text = POINTS.replace("GRID,5,,1.0,0.0,0.", "GRID,5,,1.0,-.3,0.") + "MAT1,1,2.,,.25\n" + PLATE + QUAD + "\n"
     head = "SOL 103\nCEND\nNSM = 5\nBEGIN BULK\n"
     for mass, total in (("NSM1,5,PSHELL,7.,9\n", 7.0 * 2.4), ("NSML1,5,PSHELL,7.,9\n", 7.0)):

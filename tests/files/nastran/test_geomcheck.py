@@ -67,7 +67,7 @@ def _beyond(facts: ModelFacts) -> dict[str, tuple[int, ...]]:
 
 
 def test_info_lists_elements_out_of_shape(tmp_path: Path) -> None:
-    """Element 11 is a parallelogram with angles of atan(.5/1.2) = 22.6 degrees, 12 a warped square."""
+    """Element 11 is a parallelogram with angles of atan(0.5/1.2) = 22.6 degrees, 12 a warped square."""
     facts = _facts(tmp_path, "")
     assert _beyond(facts) == {"Q4_SKEW": (11,), "Q4_WARP": (12,), "Q4_IAMIN": (11,), "Q4_IAMAX": (11,)}
     (table,) = shape_blocks(facts)

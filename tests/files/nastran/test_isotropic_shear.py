@@ -109,7 +109,7 @@ def test_both_are_written(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("shear", "told"), [("2.7+10", False), ("2.3+10", True)])
 def test_a_ratio_above_one_half_that_e_and_g_imply_is_told_for_shells(deck_of: DeckOf, shear: str, told: bool) -> None:
-    """E/2G − 1 = .30 and .52."""
+    """E/2G − 1 = 0.30 and 0.52."""
     material = f"MAT1,1,7.+10,{shear},,2700.\n"
     shell = "GRID,11,,0.,0.,0.\nGRID,12,,1.,0.,0.\nGRID,13,,0.,1.,0.\nCTRIA3,31,12,11,12,13\nPSHELL,12,1,.01,1,,1\n"
     built = build_structure(deck_of(material + shell))

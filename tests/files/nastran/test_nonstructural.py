@@ -17,7 +17,7 @@ from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.parameters import jet
 
 DeckOf = Callable[..., Deck]
-# lengths: bars 1 and 2, rod 3, own rod 1.5; areas 6 and 4.5; the bar's property has .5 a length, the shell's 2. an area
+# lengths: bars 1 and 2, rod 3, own rod 1.5; areas 6 and 4.5; the bar's property has 0.5 a length, the shell's 2 an area
 MODEL = """GRID,1,,0.,0.,0.
 GRID,2,,1.,0.,0.
 GRID,3,,3.,0.,0.
@@ -45,7 +45,7 @@ PROD,3,1,.1
 PSHELL,5,1,.1,1,,1,,2.
 PSHELL,6,1,.1,1,,1
 """
-# without cards: bars 3 × .5 + 1 × .25, shell 6 × 2
+# without cards: bars 3 × 0.5 + 1 × 0.25, shell 6 × 2
 OWN = 1.5 + 0.25 + 12.0
 
 

@@ -117,7 +117,7 @@ SECTIONS = [(name, TYPICAL[name]) for name in DRAWINGS] + [
 @pytest.mark.quick(8)
 @pytest.mark.parametrize(("name", "dimensions"), SECTIONS)
 def test_torsion_constants(name: str, dimensions: tuple[float, ...]):
-    """Thin and thick walls within .6 %, those of the accuracy table within .2 %; the formula of BAR has .5 %."""
+    """Thin and thick walls within 0.6 %, those of the accuracy table within 0.2 %; the formula of BAR has 0.5 %."""
     tolerance = 2e-3 if dimensions is TYPICAL[name] and name != "BAR" else 6e-3
     found = SHAPES[name].properties(*dimensions)["J"]
     assert found == pytest.approx(torsion_constant(name, dimensions), rel=tolerance)

@@ -60,5 +60,5 @@ def test_non_structural_mass_of_panels(deck_of: DeckOf) -> None:
     text = case + POINTS + PANEL + "NSM,3,PSHEAR,9,.25\nNSML,3,PSHEAR,9,4.\nENDDATA\n"
     model = build_structure(deck_of(text))
     (one,) = model.structure.batches
-    # .5 of the card, .25 more, and 4 over an area of 2
+    # 0.5 of the card, 0.25 more, and 4 over an area of 2
     np.testing.assert_allclose(model.structure.values.values[one.roles["NSM"]], [2.75])

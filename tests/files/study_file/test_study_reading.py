@@ -88,7 +88,7 @@ def test_study_is_frozen(full: StudyFile) -> None:
 
 def test_least_study_has_one_state_as_the_deck(folder: Path) -> None:
     study = study_from_text(_LEAST, folder / "s.toml")
-    assert [(c.name, c.test) for c in study.configurations] == [("as the deck", None)]
+    assert [(c.name, c.test) for c in study.configurations] == [("baseline", None)]
     assert study.modes.count is None
 
 
@@ -97,7 +97,7 @@ def test_single_test_belongs_to_the_state_as_the_deck(folder: Path) -> None:
     study = study_from_text(text, folder / "s.toml")
     (state,) = study.configurations
     assert (state.name, state.test, state.test_units, state.mode_labels) == (
-        "as the deck", "building.uff", "mm-t-s", ("1",),
+        "baseline", "building.uff", "mm-t-s", ("1",),
     )  # fmt: skip
     assert study.modes.count is None
 

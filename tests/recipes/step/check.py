@@ -53,7 +53,7 @@ assert "weigh" in dir(ft)
 assert result.record.model_dump(mode="json") == record
 assert result.masses[0]["mass"] == found["mass"]
 assert ft.report(result, "third.html").read_text().count('id="weigh_masses"') == page.count('id="weigh_masses"')
-assert str(ft.weigh(example_deck())) == "WeighResult: as the deck: mass 9.85"
+assert str(ft.weigh(example_deck())) == "WeighResult: baseline: mass 9.85"
 
 keys = file_schema("study")["$defs"]["WeighTable"]["properties"]
 assert keys["budget"]["description"].startswith("Largest permitted mass")

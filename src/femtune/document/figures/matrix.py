@@ -21,7 +21,7 @@ _SPARSE_CELLS = 100
 _BLUES = ("#f7fafd", "#c3d8ea", "#75a5cf", "#2d6ca6", "#0e3a66")
 """Colours from zero to the limit; brightness falls steadily, so that grey prints show the order."""
 _ORANGES = ("#f7fafd", "#f4d6bd", "#e0a06a", "#b9601f", "#6e3208")
-"""Colours of negative values, likewise."""
+"""Colours of negative values, from small to large."""
 _LONGEST_LABEL = 32
 """Characters of a label; longer ones are cut."""
 _LETTER_WIDTH = 4.75
@@ -128,6 +128,5 @@ def _colour(value: float, picture: MatrixPicture) -> str:
 
 
 def _digits(value: float) -> str:
-    """Two decimals without the leading zero."""
-    text = typeset(f"{value:.2f}" if abs(value) < 9.995 else f"{value:.0f}")
-    return text.replace("0.", ".", 1) if text.lstrip("−").startswith("0.") else text
+    """Two decimals, or none of values of two digits and more."""
+    return typeset(f"{value:.2f}" if abs(value) < 9.995 else f"{value:.0f}")

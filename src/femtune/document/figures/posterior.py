@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
 
 _PANELS_PER_ROW = 4
+"""Panels side by side: their labels are still legible on a page."""
 _BINS = 30
+"""Bars of a histogram of some thousand samples; with more their heights would be noise."""
 _MOST_POINTS = 600
 """Points of a cloud: more are not told apart, and make the page long."""
 

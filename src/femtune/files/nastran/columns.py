@@ -25,6 +25,7 @@ _DATA_START = 8
 _DATA_END = 72
 """Columns before the first data field, and up to the end of the last one, of a line in small field."""
 _FIELDS_PER_LINE = 8
+"""Data fields of a line in small field."""
 _FEWEST_CARDS = 100
 """Number of cards below which reading them one by one is as fast as setting up arrays."""
 _UNREADABLE = "?"

@@ -358,7 +358,9 @@ def _weighted(weights: tuple[float, ...], values: tuple[Any, ...]) -> Any:
     return total
 
 
-_NEAR, _FAR = (0.5 + 0.5 / 3.0**0.5, 0.5 - 0.5 / 3.0**0.5)
+_NEAR = 0.5 + 0.5 / 3.0**0.5
+_FAR = 0.5 - 0.5 / 3.0**0.5
+"""Weights of the two ends of a side at its two Gauss points."""
 _CUBIC_POINTS: dict[int, tuple[tuple[float, tuple[float, ...]], ...]] = {
     # four points integrate a cubic over a triangle exactly (Strang and Fix)
     3: (

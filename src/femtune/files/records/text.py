@@ -58,6 +58,7 @@ _STAMP = re.compile(
 )
 """A date and time of day, or a time of day, at the start of a line; date and time may be two columns."""
 _DAY_S = 86_400.0
+"""Seconds of a day."""
 _LEAST_STAMPED = 2
 """Lines at the start of the numbers that must begin with a date or time."""
 

@@ -32,6 +32,7 @@ from femtune.files.study_file.kinds import (
     off_list,
     support,
 )
+from femtune.model.kinds import BASELINE
 
 UNCHANGED: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Rotation of a test whose axes are those of the model."""
@@ -229,9 +230,9 @@ def supports(texts: tuple[str, ...]) -> tuple[tuple[int, str], ...]:
     return tuple(pair for text in texts for pair in support(text))
 
 
-def only_configuration(test: SingleTest | None, name: str) -> ConfigurationEntry:
+def only_configuration(test: SingleTest | None) -> ConfigurationEntry:
     """The configuration of a study without [[configuration]]: the structure of the deck."""
     if test is None:
-        return ConfigurationEntry(name=name)
-    shared = {name: getattr(test, name) for name in TestKeys.model_fields}
-    return ConfigurationEntry(name=name, test=test.file or MEASURED, test_units=test.units, **shared)
+        return ConfigurationEntry(name=BASELINE)
+    shared = {key: getattr(test, key) for key in TestKeys.model_fields}
+    return ConfigurationEntry(name=BASELINE, test=test.file or MEASURED, test_units=test.units, **shared)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from pydantic import Field, StringConstraints
 
@@ -42,9 +42,6 @@ class ModelTable(TomlTable):
 
 class MatrixEntry(TomlTable):
     """[[matrix]]: one matrix; several of one name are sets of it at values of the variables."""
-
-    only_configuration: ClassVar[str] = "as imported"
-    """Name of the configuration of a study without [[configuration]]."""
 
     name: Name
     """Name of the matrix: capital letters and digits. Several tables with the same name, each with `at`, are sets of

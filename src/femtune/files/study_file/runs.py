@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -16,9 +16,6 @@ from femtune.surrogates.kinds import SurrogateMethod
 
 class RunsModelTable(TomlTable):
     """[runs]: the table, and the polynomials or surrogates that are fitted to it."""
-
-    only_configuration: ClassVar[str] = "as imported"
-    """Name of the configuration of a study without [[configuration]]."""
 
     file: RunsName
     """The table: a heading, and a line per run with parameters, `f1_hz`, `f2_hz` …, and shapes `shape1_12Z` … if there

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -26,9 +26,6 @@ from femtune.runs.kinds import KeptFolders
 
 class SolverTable(TomlTable):
     """[solver]: command, input and output files, and when a run is tried again."""
-
-    only_configuration: ClassVar[str] = "as imported"
-    """Name of the configuration of a study without [[configuration]]."""
 
     command: Command
     """Program and arguments, as a list or a line; started without a shell in the folder of the run. Example: `"ccx

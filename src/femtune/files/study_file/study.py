@@ -150,7 +150,7 @@ class StudyFile(TomlTable):
     @property
     def configurations(self) -> tuple[ConfigurationEntry, ...]:
         """All configurations: those of the file, or the only one, with the test of [test]."""
-        return self.configuration or (only_configuration(self.test, self.source.only_configuration),)
+        return self.configuration or (only_configuration(self.test),)
 
     @property
     def specimens(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pydantic import Field
 
@@ -12,9 +12,6 @@ from femtune.units import UnitSystem, unit_system
 
 class StudyTable(TomlTable):
     """[study]: title, deck and units."""
-
-    only_configuration: ClassVar[str] = "as the deck"
-    """Name of the configuration of a study without [[configuration]]."""
 
     title: Text
     """Title of the report. Example: `"Two-storey steel building"`"""

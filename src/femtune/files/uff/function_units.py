@@ -28,8 +28,10 @@ _UNIT_TOLERANCE = 1e-3
 """Relative difference up to which two units are the same: files round factors to four digits and more."""
 _ROTATIONS_FROM = 4
 """First direction of a rotation or moment."""
-_CLEAR, _UNCLEAR = 0.95, 0.85
-"""Share of the power that flows in at a driving point: at least, of the right kind, and at most, of a wrong one."""
+_CLEAR = 0.95
+"""Share of the power that flows in at a driving point, at least, if the kind of the functions is right."""
+_UNCLEAR = 0.85
+"""The same, at most, if it is wrong."""
 
 
 @dataclass(frozen=True)

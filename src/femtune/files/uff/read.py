@@ -80,7 +80,7 @@ class UffFile:
 
     @cached_property
     def functions(self) -> tuple[tuple[MeasuredFunction, ...], tuple[Notice, ...]]:
-        """The measured functions, likewise, as of `read_functions`."""
+        """The measured functions, as of `read_functions`."""
         return read_functions(self.sets)
 
 

@@ -13,7 +13,9 @@ from femtune.files.uff.measured_functions import FREQUENCY, FunctionHeader, Meas
 from femtune.files.uff.scan import DataSet
 from femtune.modal.spectrum_set import SpectrumSet, spectrum_set
 
-AUTO, CROSS, DENSITY = 2, 3, 9
+AUTO = 2
+CROSS = 3
+DENSITY = 9
 SPECTRA = (AUTO, CROSS, DENSITY)
 """Function types of data set 58 that are spectra of responses: auto, cross, power spectral density."""
 _QUANTITIES = {8: "displacement", 11: "velocity", 12: "acceleration", 13: "force", 15: "pressure", 2: "strain"}

@@ -5,9 +5,10 @@ They span what lies outside the known modes, so that K − σM is positive defin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log10
+from typing import TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -212,6 +213,7 @@ largest mode there."""
 _FLOOR = 1e-8
 """Relative error that the inaccuracy of the further modes may leave."""
 _KEPT: WeakKeyDictionary[EigenSolution, dict[str, SensorDerivatives]] = WeakKeyDictionary()
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,33 +276,86 @@ def sensor_derivatives(solution: EigenSolution, rows: sp.csr_array, tolerance: f
     return kept[key]
 
 
+def outside_at_sensors(
+    solution: EigenSolution,
+    rows: sp.csr_array,
+    clusters: Sequence[Sequence[int]],
+    projected: Callable[[Reals], Reals],
+    tolerance: float = TOLERANCE,
+) -> tuple[Reals, float]:
+    """Su with (K − λ_jM)u = −f_j for k forces on each wanted mode of some clusters, and its estimated error.
+
+    The part in the modes of the own cluster is left out.
+
+    Parameters
+    ----------
+    rows : S (rows, n_free)
+    projected : (n_free, a) -> (k, a, c), leftᵀf_j of all c members of the clusters, one after the other
+    tolerance : error relative to the largest entry of each force's motion, see `sensor_derivatives`
+
+    Returns
+    -------
+    (rows, c, k), and the error of the worst force, relative to its largest entry
+
+    Raises
+    ------
+    FemtuneError : ``model.memory``
+    """
+    members = [j for cluster in clusters for j in cluster]
+    values, gaps, shapes = solution.eigenvalues[members], inverse_gaps(solution, clusters), rows @ solution.shapes
+    m = shapes.shape[1]
+
+    def made(basis: DualBasis, along: Reals) -> tuple[Reals, float]:
+        orders = _orders(basis, values, along[:, m:])
+        motion = np.moveaxis(shapes @ (along[:, :m] * gaps), 0, 2) + orders[2]
+        last, before, size = (np.abs(a).max(axis=(0, 1), initial=0.0) for a in (*np.diff(orders, axis=0)[::-1], motion))
+        least = _SMALL_ENTRY * size.max(initial=0.0) + np.finfo(float).tiny
+        return motion, float(np.max(_relative(_missing(last, before), size, least), initial=0.0))
+
+    return _with_enough_blocks(solution, rows, projected, made, lambda made: made[1] <= tolerance, tolerance)
+
+
 def _computed(solution: EigenSolution, rows: sp.csr_array, tolerance: float) -> SensorDerivatives:
-    """A block brings about one digit."""
+    return _with_enough_blocks(
+        solution, rows, lambda left: _projected(solution, left), lambda *made: _from_basis(solution, *made),
+        lambda made: bool(made.error.max(initial=0.0) <= tolerance), tolerance,
+    )  # fmt: skip
+
+
+def _with_enough_blocks(
+    solution: EigenSolution,
+    rows: sp.csr_array,
+    projected: Callable[[Reals], Reals],
+    made: Callable[[DualBasis, Reals], Made],
+    is_enough: Callable[[Made], bool],
+    tolerance: float,
+) -> Made:
+    """What is made of the basis and the forces along Φ and it, on the second axis from the end.
+
+    A block brings about one digit.
+    """
     first = min(max(ceil(-log10(tolerance)), 2), _MOST_BLOCKS)
     basis = DualBasis(solution, rows, first)
-    forces = _projected(solution, basis.parts[0])
+    along = projected(basis.parts[0])
     while True:
-        derivatives = _from_basis(solution, basis, forces)
-        if len(basis.sizes) >= _MOST_BLOCKS or basis.is_exhausted or derivatives.error.max(initial=0.0) <= tolerance:
-            return derivatives
+        out = made(basis, along)
+        if len(basis.sizes) >= _MOST_BLOCKS or basis.is_exhausted or is_enough(out):
+            return out
         basis.extend()
-        more = _projected(solution, basis.parts[-1])
-        forces = np.concatenate([forces[0], more[0]], axis=1), np.concatenate([forces[1], more[1]], axis=1)
+        along = np.concatenate([along, projected(basis.parts[-1])], axis=-2)
 
 
-def _projected(solution: EigenSolution, left: Reals) -> tuple[Reals, Reals]:
-    """(k, a, w) leftᵀK′φ_j and leftᵀM′φ_j."""
+def _projected(solution: EigenSolution, left: Reals) -> Reals:
+    """(2, k, a, w) leftᵀK′φ_j and leftᵀM′φ_j."""
     point, wanted = solution.point, solution.shapes[:, : solution.wanted]
-    stiffness = derivative_projections(point, "stiffness", left, wanted)
-    return stiffness, derivative_projections(point, "mass", left, wanted)
+    return np.array([derivative_projections(point, of, left, wanted) for of in ("stiffness", "mass")])
 
 
-def _from_basis(solution: EigenSolution, basis: DualBasis, forces: tuple[Reals, Reals]) -> SensorDerivatives:
+def _from_basis(solution: EigenSolution, basis: DualBasis, forces: Reals) -> SensorDerivatives:
     m, w = solution.shapes.shape[1], solution.wanted
     values, (stiffness, mass) = solution.eigenvalues[:w], forces
     outer = stiffness[:, m:] - mass[:, m:] * values
-    # the difference of the last two orders, and the one before it
-    orders = [_rest(basis, size, values, outer) for size in [0, 0, *basis.sizes][-3:]]
+    orders = _orders(basis, values, outer)
     missing = _missing(_largest(orders[2] - orders[1]), _largest(orders[1] - orders[0]))
     gaps = inverse_gaps(solution, [[j] for j in range(w)])
     shapes = np.asarray(basis.rows @ solution.shapes)
@@ -316,6 +371,11 @@ def _from_basis(solution: EigenSolution, basis: DualBasis, forces: tuple[Reals, 
         solves=basis.solves,
     )
     return replace(made, error=_relative(missing, _sizes(made, solution), _floor(shapes)[:w]))
+
+
+def _orders(basis: DualBasis, values: Reals, outer: Reals) -> list[Reals]:
+    """`_rest` by all blocks, last; by one less, and by two less."""
+    return [_rest(basis, size, values, outer) for size in [0, 0, *basis.sizes][-3:]]
 
 
 def _rest(basis: DualBasis, size: int, values: Reals, outer: Reals) -> Reals:

@@ -206,6 +206,7 @@ TOLERANCE_OF_OTHERS = 1e-5
 _PATIENCE = 5
 """Restarts in a row that may fail to halve the residual before the iteration gives up."""
 _MOST_RESTARTS = 60
+"""Restarts after which the iteration gives up; `_PATIENCE` ends it much earlier where it does not converge."""
 _ORTHONORMALITY = 1e-12
 """Largest error of ΦᵀMΦ above which the shapes are made orthonormal once more."""
 _BASIS_BYTES = 1_300_000_000

@@ -29,10 +29,12 @@ are a poor start."""
 _BLOCK = 12
 """Columns of a block, as in the iteration from below."""
 _SEED = 5
+"""Seed of the random start, so that a solution can be repeated bit by bit; any other would do."""
 _TOLERANCE = 3e-9
 """Residual of θ for modes near τ. It is scaled by √(σ/τ): the same residual weighs more in the lowest modes, which have
 less energy."""
 _LARGEST_TOLERANCE = 3e-10
+"""Largest residual of θ, where τ is not much above σ."""
 _SEPARATION = 1e-6
 """Distance of the last mode from τ relative to τ − σ: nearer modes cannot be told from those above τ."""
 

@@ -246,14 +246,14 @@ def _assembled(
 
 
 def polynomial_terms(
-    matrix: ImportedMatrix, found: Polynomial, factor: int, values: ValueTableBuilder
+    matrix: ImportedMatrix, polynomial: Polynomial, factor: int, values: ValueTableBuilder
 ) -> list[AssembledMatrix]:
     """The coefficient matrices of a polynomial and the monomials that multiply them; `factor` is that of the matrix."""
-    places = {v.name: values.add(field_of_variable(v.name), v.nominal) for v in found.variables}
+    places = {v.name: values.add(field_of_variable(v.name), v.nominal) for v in polynomial.variables}
     terms: list[AssembledMatrix] = []
-    for powers, upper in found.terms:
+    for powers, upper in polynomial.terms:
         roles = {"FACTOR": factor, **{name: at for (name, at), power in zip(places.items(), powers) if power}}
-        terms += _parts(matrix, upper, roles, _monomial(found, powers))
+        terms += _parts(matrix, upper, roles, _monomial(polynomial, powers))
     return terms
 
 

@@ -203,8 +203,8 @@ def _left_out(entry: Any, state: CaseState, way: ModelWay) -> LeftOutModes | Non
     return left_out_modes(full_modes(state, way.modes), entry.leave_out_modes_hz, state.case.name)
 
 
-def _told_left_out(found: LeftOutModes, configuration: str) -> Notice:
-    named = [f"{1 + number} ({hz:.4g} Hz)" for number, hz in zip(found.numbers, found.freq_hz)]
+def _told_left_out(left_out: LeftOutModes, configuration: str) -> Notice:
+    named = [f"{1 + number} ({hz:.4g} Hz)" for number, hz in zip(left_out.numbers, left_out.freq_hz)]
     which = f"model mode {named[0]} is" if len(named) == 1 else f"model modes {', '.join(named)} are"
     return Notice("residual.frf-left-out-modes", level="info", configuration=configuration, modes=which)
 

@@ -94,10 +94,10 @@ def bootstrap_at(
     return bootstrap_results(result, arrays, executor.words, seconds, again, remarks, orders)
 
 
-def misfit(found: UpdateResult) -> float:
+def misfit(result: UpdateResult) -> float:
     """Root mean square of the residuals in their stated standard deviations, over their degrees of freedom."""
-    r = found.after.residuals
-    return float(np.sqrt(r @ r / max(len(r) - len(found.active), 1)))
+    r = result.after.residuals
+    return float(np.sqrt(r @ r / max(len(r) - len(result.active), 1)))
 
 
 def _runs(

@@ -44,9 +44,9 @@ def _of(source: ReportSource) -> CandidatesResults:
     return source.results.candidates
 
 
-def shown_models(found: CandidatesResults) -> tuple[CandidateResults, ...]:
+def shown_models(comparison: CandidatesResults) -> tuple[CandidateResults, ...]:
     """The solved models that tables have room for: all, or those of the best evidence, in the order of the study."""
-    solved = found.solved
+    solved = comparison.solved
     if len(solved) <= _MOST_COLUMNS:
         return solved
     best = sorted(solved, key=lambda c: -np.inf if c.log_evidence is None else c.log_evidence, reverse=True)
@@ -54,28 +54,28 @@ def shown_models(found: CandidatesResults) -> tuple[CandidateResults, ...]:
     return tuple(c for c in solved if c.name in kept)
 
 
-def candidate_numbers(found: CandidatesResults) -> KeyNumbers:
+def candidate_numbers(comparison: CandidatesResults) -> KeyNumbers:
     """How many models, and the best by each criterion."""
-    ranked = [c for c in found.solved if c.bic is not None]
+    ranked = [c for c in comparison.solved if c.bic is not None]
     by_bic = min(ranked, key=lambda c: c.bic or 0.0)
     by_evidence = max(ranked, key=lambda c: c.log_evidence or 0.0)
-    admissible = sum(c.admissible for c in found.solved)
+    admissible = sum(c.admissible for c in comparison.solved)
     return KeyNumbers(
         (
-            KeyNumber("Models", str(len(found.candidates)), remark="with the initial values"),
+            KeyNumber("Models", str(len(comparison.candidates)), remark="with the initial values"),
             KeyNumber("Best by BIC", by_bic.name, remark=f"weight {unit_fraction(by_bic.bic_weight)}"),
             KeyNumber(
                 "Best by evidence", by_evidence.name, remark=f"probability {unit_fraction(by_evidence.probability)}"
             ),
-            KeyNumber("Admissible models", str(admissible), remark=_rule(found)),
+            KeyNumber("Admissible models", str(admissible), remark=_rule(comparison)),
         )
     )
 
 
-def _rule(found: CandidatesResults) -> str:
-    if found.threshold is not None:
-        return f"mean error ≤ {short(found.threshold)} × the smallest"
-    return f"smallest largest residual ≤ {short(found.limit)}"
+def _rule(comparison: CandidatesResults) -> str:
+    if comparison.threshold is not None:
+        return f"mean error ≤ {short(comparison.threshold)} × the smallest"
+    return f"smallest largest residual ≤ {short(comparison.limit)}"
 
 
 def candidates_summary(source: ReportSource) -> list[Block]:
@@ -105,14 +105,14 @@ def candidates_table(source: ReportSource) -> list[Block]:
     return [criteria_table(candidates), *_notes(candidates)]
 
 
-def criteria_table(found: CandidatesResults) -> Table:
+def criteria_table(comparison: CandidatesResults) -> Table:
     """A line each candidate."""
     heads = columns(
         "Model", ">Parameters", ">Determined", ">Mean error %", ">ΔBIC", ">Weight", ">Probability", ">Prediction %",
         ">Largest residual", ">Smallest largest", "Admissible", ">Cluster", ">Starts at the optimum",
     )  # fmt: skip
-    least = min((c.bic for c in found.solved if c.bic is not None), default=0.0)
-    return Table("", heads, tuple(_criteria(c, least) for c in found.candidates))
+    least = min((c.bic for c in comparison.solved if c.bic is not None), default=0.0)
+    return Table("", heads, tuple(_criteria(c, least) for c in comparison.candidates))
 
 
 def _criteria(c: CandidateResults, least: float) -> tuple[Cell, ...]:
@@ -135,8 +135,8 @@ def _criteria(c: CandidateResults, least: float) -> tuple[Cell, ...]:
     )
 
 
-def _notes(found: CandidatesResults) -> list[Block]:
-    notes = tuple(f"{c.name}: {c.note}" for c in found.candidates if c.note)
+def _notes(comparison: CandidatesResults) -> list[Block]:
+    notes = tuple(f"{c.name}: {c.note}" for c in comparison.candidates if c.note)
     return [Listing(notes)] if notes else []
 
 
@@ -145,16 +145,16 @@ def candidates_parameters(source: ReportSource) -> list[Block]:
     return [parameter_table(_of(source)), *_cut(_of(source))]
 
 
-def _cut(found: CandidatesResults) -> list[Block]:
-    left = len(found.solved) - len(shown_models(found))
+def _cut(comparison: CandidatesResults) -> list[Block]:
+    left = len(comparison.solved) - len(shown_models(comparison))
     return [Paragraph(f"{left} models of lower evidence are not shown; results in JSON have all.", "muted")] * bool(
         left
     )
 
 
-def parameter_table(found: CandidatesResults) -> Table:
+def parameter_table(comparison: CandidatesResults) -> Table:
     """A line each parameter, a column each model."""
-    models = shown_models(found)
+    models = shown_models(comparison)
     by_model = [{v.parameter: v for v in c.values} for c in models]
     heads = columns("Parameter", *(f">{c.name}" for c in models))
     names = [v.parameter for v in models[0].values]
@@ -174,11 +174,11 @@ def candidates_distances(source: ReportSource) -> list[Block]:
     return [distance_table(candidates, source.arrays), *_cut(candidates)]
 
 
-def distance_table(found: CandidatesResults, arrays: Mapping[str, NDArray]) -> Table:
+def distance_table(comparison: CandidatesResults, arrays: Mapping[str, NDArray]) -> Table:
     """Distances between the models that are shown, in %."""
-    models = shown_models(found)
-    at = [found.solved.index(c) for c in models]
-    distances = 100.0 * arrays[found.distances_key][np.ix_(at, at)]
+    models = shown_models(comparison)
+    at = [comparison.solved.index(c) for c in models]
+    distances = 100.0 * arrays[comparison.distances_key][np.ix_(at, at)]
     rows = (row(c.name, *map(percent, line.tolist())) for c, line in zip(models, distances))
     return Table("", columns("", *(f">{c.name}" for c in models)), tuple(rows))
 
@@ -194,20 +194,22 @@ def undetermined_blocks(models: Sequence[CandidateResults]) -> list[Block]:
     return [Listing(sentences)] if sentences else [Paragraph("The data determine all parameters of every model.")]
 
 
-def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:
+def candidates_verdict(comparison: CandidatesResults) -> tuple[str, Level]:
     """The first sentence of the comparison."""
-    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
-    return f"{counted(len(found.candidates), 'model')} compared. {found.sentences[0]}", level
+    level: Level = "warning" if any(a.level != "info" for a in comparison.alerts) else "info"
+    return f"{counted(len(comparison.candidates), 'model')} compared. {comparison.sentences[0]}", level
 
 
-def candidates_document(subject: Subject, found: CandidatesResults) -> Document:
+def candidates_document(subject: Subject, comparison: CandidatesResults) -> Document:
     """Sentences, criteria, parameters, and what is undetermined."""
-    verdict, level = candidates_verdict(found)
-    alerts = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in found.alerts)
+    verdict, level = candidates_verdict(comparison)
+    alerts = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in comparison.alerts)
     sections = (
-        Section("candidates", "Candidate models", (candidate_numbers(found), Listing(found.sentences), *alerts)),
-        Section("criteria", "Criteria", (criteria_table(found),)),
-        Section("parameters", "Parameters", (parameter_table(found),)),
-        Section("open", "What the data do not determine", tuple(undetermined_blocks(found.solved))),
+        Section(
+            "candidates", "Candidate models", (candidate_numbers(comparison), Listing(comparison.sentences), *alerts)
+        ),
+        Section("criteria", "Criteria", (criteria_table(comparison),)),
+        Section("parameters", "Parameters", (parameter_table(comparison),)),
+        Section("open", "What the data do not determine", tuple(undetermined_blocks(comparison.solved))),
     )
     return subject.document(verdict, level, sections)

@@ -278,29 +278,32 @@ class Population:
 
 
 def _best_start(
-    problem: UpdateProblem, candidate: ParameterChoice, found: Sequence[Found], from_initial: bool
+    problem: UpdateProblem, candidate: ParameterChoice, calibrations: Sequence[Found], from_initial: bool
 ) -> Found:
     """The best of the starts of a candidate, with the numbers of starts that reached it, of other optima that are as
     good, and of starts that are not used. Starts may fail, but not all, and not the one from the initial values."""
-    failed = ["problem" in f for f in found]
+    failed = ["problem" in f for f in calibrations]
     if all(failed) or (from_initial and failed[0]) or not candidate.parameters:
-        return found[0]
-    starts = comparable([_start_result(i, f) for i, f in enumerate(found) if "problem" not in f])
-    best = found[min(starts, key=height).number]
+        return calibrations[0]
+    starts = comparable([_start_result(i, f) for i, f in enumerate(calibrations) if "problem" not in f])
+    best = calibrations[min(starts, key=height).number]
     moving = int(moving_parameters(problem, candidate.parameters).sum())
     optima = distinct_optima(
         starts, problem.parameters.prior[1], noise_level(best["objective"], best["residuals"], moving)
     )
     return {
-        **best, "least_worst": min(f["least_worst"] for f in found if "least_worst" in f),
+        **best, "least_worst": min(f["least_worst"] for f in calibrations if "least_worst" in f),
         "reached": len(optima[0].members) if optima else 0, "others": sum(o.as_good for o in optima[1:]),
-        "unpaired": len(found) - len(starts), "errors": [found[start.number]["error"] for start in starts],
+        "unpaired": len(calibrations) - len(starts),
+        "errors": [calibrations[start.number]["error"] for start in starts],
     }  # fmt: skip
 
 
-def _start_result(number: int, found: Found) -> StartResult:
-    end = np.array(found["end"])
-    return StartResult(number, end, end, found["objective"], Status[found["status"]], residuals=found["residuals"])
+def _start_result(number: int, calibration: Found) -> StartResult:
+    end = np.array(calibration["end"])
+    return StartResult(
+        number, end, end, calibration["objective"], Status[calibration["status"]], residuals=calibration["residuals"]
+    )
 
 
 def candidates_of(study: Study) -> tuple[ParameterChoice, ...]:
@@ -453,12 +456,12 @@ class _Comparison:
             for candidate, some in zip(candidates, grouped)
         ]
 
-    def predicted(self, candidates: Sequence[ParameterChoice], found: Sequence[Found]) -> list[dict[int, Found]]:
+    def predicted(self, candidates: Sequence[ParameterChoice], calibrations: Sequence[Found]) -> list[dict[int, Found]]:
         """By configuration, what every solved candidate predicts of it."""
         count = len(self.study.problem().cases)
         if count < 2:
             return [{} for _ in candidates]
-        asked = [(i, j, 0) for i, f in enumerate(found) if "problem" not in f for j in range(count)]
+        asked = [(i, j, 0) for i, f in enumerate(calibrations) if "problem" not in f for j in range(count)]
         ends = self._run(candidates, asked, "configurations left out and predicted")
         out: list[dict[int, Found]] = [{} for _ in candidates]
         for (i, j, _), end in zip(asked, ends):
@@ -477,14 +480,14 @@ class _Comparison:
         done = sum(key in self.known for key in keys)
         self.progress.step(what, done, len(tasks))
 
-        def keep(number: int, found: Found) -> None:
+        def keep(number: int, calibration: Found) -> None:
             nonlocal done
             try:
                 # kept before it is shown: whoever shows it may be interrupted
-                self.file.add({"run": keys[number], **found})
+                self.file.add({"run": keys[number], **calibration})
             except OSError as error:
                 raise unwritable(self.folder, error) from error
-            self.known[keys[number]] = found
+            self.known[keys[number]] = calibration
             done += 1
             self.progress.step(what, done, len(tasks))
 
@@ -550,20 +553,21 @@ def _results(
     study: Study,
     table: CandidatesTable,
     candidates: Sequence[ParameterChoice],
-    found: Sequence[Found],
+    calibrations: Sequence[Found],
     predicted: Sequence[Mapping[int, Found]],
     arrays: dict[str, Reals],
 ) -> CandidatesResults:
-    solved = [i for i, f in enumerate(found) if "problem" not in f]
+    solved = [i for i, f in enumerate(calibrations) if "problem" not in f]
     free, scatter = study.parameters, study.file.residuals.scatter
-    inner = [[found[j] for j in solved if _contains(candidates[i], candidates[j])] for i in solved]
+    inner = [[calibrations[j] for j in solved if _contains(candidates[i], candidates[j])] for i in solved]
     ranking = rank_candidates(
-        [_fit(found[i], free, within) for i, within in zip(solved, inner)], scatter=scatter, threshold=table.threshold,
+        [_fit(calibrations[i], free, within) for i, within in zip(solved, inner)],
+        scatter=scatter, threshold=table.threshold,
         probability=table.probability, cluster_distance=table.cluster_distance,
     )  # fmt: skip
     names = [case.name for case in study.problem().cases]
     records = []
-    for i, (candidate, f, out) in enumerate(zip(candidates, found, predicted, strict=True)):
+    for i, (candidate, f, out) in enumerate(zip(candidates, calibrations, predicted, strict=True)):
         record = _record(study, candidate, f, table.starts)
         if i in solved:
             least = min(map(_least_of, inner[solved.index(i)]))
@@ -591,46 +595,47 @@ def _contains(one: ParameterChoice, other: ParameterChoice) -> bool:
     return set(other.parameters) <= set(one.parameters) and dict(other.ties) == dict(one.ties)
 
 
-def _least_of(found: Found) -> float:
+def _least_of(calibration: Found) -> float:
     """Smallest largest residual that was found; initial values have one only."""
-    return float(found["least_worst"] if "least_worst" in found else found["worst"])
+    return float(calibration["least_worst"] if "least_worst" in calibration else calibration["worst"])
 
 
-def _fit(found: Found, parameters: ParameterSet, within: Sequence[Found]) -> CandidateFit:
+def _fit(calibration: Found, parameters: ParameterSet, within: Sequence[Found]) -> CandidateFit:
     """`within` are the candidate and those that it contains: what one of them reaches, the candidate reaches too."""
-    place = np.array([found["values"][p.name] / p.scale for p in parameters.free])
+    place = np.array([calibration["values"][p.name] / p.scale for p in parameters.free])
     return CandidateFit(
-        found["chi2"], found["residuals"], np.array(found["singular"], float), found["rank"], found["prior_misfit"],
+        calibration["chi2"], calibration["residuals"], np.array(calibration["singular"], float), calibration["rank"],
+        calibration["prior_misfit"],
         place, min(map(_least_of, within)), min(f["error"] for f in within),
     )  # fmt: skip
 
 
-def _record(study: Study, candidate: ParameterChoice, found: Found, starts: int) -> CandidateResults:
+def _record(study: Study, candidate: ParameterChoice, calibration: Found, starts: int) -> CandidateResults:
     facts: dict[str, Any] = {
         "name": candidate.name, "parameters": candidate.parameters, "ties": dict(candidate.ties),
-        "note": candidate.note, "status": found.get("status", ""), "problem": found.get("problem", ""),
+        "note": candidate.note, "status": calibration.get("status", ""), "problem": calibration.get("problem", ""),
     }  # fmt: skip
     if facts["problem"]:
         return CandidateResults(**facts)
     values = tuple(
         CandidateValue(
             parameter=name,
-            value=found["values"][name],
-            sd=found.get("sd", {}).get(name),
+            value=calibration["values"][name],
+            sd=calibration.get("sd", {}).get(name),
             role=_role(study, candidate, name),
-            at_bound=name in found.get("at_bound", ()),
+            at_bound=name in calibration.get("at_bound", ()),
         )
         for name in study.parameters.names
     )
     return CandidateResults(
-        **facts, values=values, error_percent=100.0 * found["error"], chi2=found["chi2"],
-        residuals=found["residuals"], rank=found["rank"],
-        undetermined=tuple(CombinationRecord.model_validate(c) for c in found["undetermined"]),
-        worst_residual=found["worst"], worst_label=found["worst_label"],
-        starts=starts if candidate.parameters else 1, starts_at_best=found.get("reached", 1),
-        starts_unpaired=found.get("unpaired", 0),
-        start_errors_percent=tuple(100.0 * error for error in found.get("errors", ())),
-        other_optima=found.get("others", 0),
+        **facts, values=values, error_percent=100.0 * calibration["error"], chi2=calibration["chi2"],
+        residuals=calibration["residuals"], rank=calibration["rank"],
+        undetermined=tuple(CombinationRecord.model_validate(c) for c in calibration["undetermined"]),
+        worst_residual=calibration["worst"], worst_label=calibration["worst_label"],
+        starts=starts if candidate.parameters else 1, starts_at_best=calibration.get("reached", 1),
+        starts_unpaired=calibration.get("unpaired", 0),
+        start_errors_percent=tuple(100.0 * error for error in calibration.get("errors", ())),
+        other_optima=calibration.get("others", 0),
     )  # fmt: skip
 
 

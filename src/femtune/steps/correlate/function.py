@@ -71,7 +71,7 @@ def correlate(
     >>> found.mac.shape
     (4, 6)
     >>> expanded = ft.correlate(model, test, expand="dynamic", uff="expanded.uff")
-    >>> expanded.expanded["as the deck"].shapes.shape, [path.name for path in expanded.files]
+    >>> expanded.expanded["baseline"].shapes.shape, [path.name for path in expanded.files]
     ((16, 4), ['expanded.uff'])
     """
     given = source_of(source, test=test, **tables)

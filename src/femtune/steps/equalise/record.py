@@ -70,7 +70,7 @@ class MappedDamping(Record):
     test_values_key: str
     """Key of the measured FRFs, complex, shape (outputs, inputs, lines)."""
     identified_values_key: str
-    """Key of those of the identified test with its own damping, likewise."""
+    """Key of those of the identified test with its own damping, of the same shape."""
     before_values_key: str | None
     """Key of those of the model before the update, with mapped damping; None if no mode is paired there."""
     after_values_key: str

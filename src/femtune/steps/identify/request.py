@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     from femtune.identification.operational import Operational
     from femtune.modal import TimeSeries
 
-_UNKNOWN, _TIME_RESPONSE, _FRF = 0, 1, 4
+_UNKNOWN = 0
+_TIME_RESPONSE = 1
+_FRF = 4
 """Function types of data set 58."""
 
 

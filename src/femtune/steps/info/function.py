@@ -40,7 +40,7 @@ def info(source: Path | str | Study | Model, *, progress: Progress = silent) -> 
     >>> from femtune.testing import example_deck
     >>> ft.info(example_deck())
     InfoResult: 15 cards used, 0 not used
-      as the deck: 5 points, 24 free DOFs, mass 9.85, rigid-body check: pass
+      baseline: 5 points, 24 free DOFs, mass 9.85, rigid-body check: pass
     """
     given = source_of(source)
     with held_for_solver(given, "info"):

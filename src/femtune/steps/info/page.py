@@ -136,13 +136,13 @@ def _ranges(nodes: Sequence[int]) -> list[tuple[int, int]]:
     return ranges
 
 
-def beside_deck_tables(found: Sequence[BesideDeck]) -> list[Block]:
+def beside_deck_tables(comparisons: Sequence[BesideDeck]) -> list[Block]:
     """The elastic modes of the external solver and those of the deck, for page and terminal: one table per input."""
     heads = columns("Mode", ">Solver Hz", ">Deck Hz", ">Difference %", ">MAC", "Alike")
     used = "The update begins with derivatives of the deck."
     unused = "Derivatives are those of the solver alone."
     tables = []
-    for each in found:
+    for each in comparisons:
         rows = tuple(
             row(
                 str(m.number), freq(m.freq_hz), freq(m.deck_hz), signed_percent(m.difference_percent),

@@ -80,9 +80,11 @@ _MOST_UNPROPOSED = 15
 """Candidates that are not proposed and still listed one by one, so that the study stays short."""
 
 
-_LEAST_MAC, _BETTER_BY = 0.6, 0.1
-"""Mean MAC from which mode shapes decide where the test points are, and by how much it must be larger than with the
-others. Noise and errors of the model change a mean over several modes by less."""
+_LEAST_MAC = 0.6
+"""Mean MAC from which mode shapes decide where the test points are."""
+_BETTER_BY = 0.1
+"""By how much the mean MAC must be larger than with the other motions: noise and errors of the model change a mean over
+several modes by less."""
 
 
 class ProposedParameter(Record):
@@ -547,7 +549,8 @@ class _Draft:
         held = structure.default_support_set
         if self.rigid:
             self.supports = (
-                f"the model has {self.rigid} rigid-body modes, which are not compared: the test must be free likewise"
+                f"the model has {self.rigid} rigid-body modes, which are not compared, so the test must also be "
+                "free-free"
             )
         else:
             self.supports = "the deck holds the structure"
@@ -837,11 +840,13 @@ def _agreement(pairing: Pairing, test: ModeSet, model: ModeSet) -> str:
         return f"no test mode of {len(test)} is paired."
     errors = [100.0 * (model.freq_hz[p.model] / test.freq_hz[p.test] - 1.0) for p in pairs]
     macs = [p.mac for p in pairs if np.isfinite(p.mac)]
-    of_shapes = f"MAC {min(macs):.2f} to {max(macs):.2f}" if macs else "no MAC without shapes"
+    of_shapes = f"MAC {_range(macs, '.2f')}" if macs else "no MAC without shapes"
     count = pairing.suspension_count
     suspension = f", and {count} of the suspension {'are' if count > 1 else 'is'} set apart" if count else ""
-    return (
-        f"{len(pairs)} of {len(test) - count} test modes are paired{suspension}; errors of the "
-        f"frequencies {min(errors):+.2g} to {max(errors):+.2g} %, "
-        f"{of_shapes}."
-    )
+    paired = f"{len(pairs)} of {len(test) - count} test modes are paired{suspension}"
+    return f"{paired}; frequency errors {_range(errors, '+.2g')} %, {of_shapes}."
+
+
+def _range(values: list[float], form: str) -> str:
+    """The smallest and the largest value; one number if both look alike."""
+    return " to ".join(dict.fromkeys(f"{end:{form}}" for end in (min(values), max(values))))

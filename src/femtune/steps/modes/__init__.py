@@ -75,7 +75,7 @@ STEP = Step(
                 type=SCATTER,
                 default=0.0,
                 metavar="PART",
-                help="For --uff: relative standard deviation of the frequencies, .002 is 0.2 %.",
+                help="For --uff: relative standard deviation of the frequencies, 0.002 is 0.2 %.",
             ),
             click.Option(
                 ["--shape-scatter"],

@@ -55,13 +55,13 @@ def modes(
     >>> from femtune.testing import example_deck
     >>> found = ft.modes(example_deck(), count=3)
     >>> found
-    ModesResult: as the deck: 3 modes: 28.268, 44.695, 201.1 Hz
+    ModesResult: baseline: 3 modes: 28.268, 44.695, 201.1 Hz
     >>> found.frequencies
     configuration  mode  freq_hz  rigid_body
-    as the deck       1  28.2677          no
-    as the deck       2  44.6952          no
-    as the deck       3  201.105          no
-    >>> found.mode_sets["as the deck"].shapes.shape
+    baseline          1  28.2677          no
+    baseline          2  44.6952          no
+    baseline          3  201.105          no
+    >>> found.mode_sets["baseline"].shapes.shape
     (30, 3)
     """
     # imported here, because only a solution needs the journal and the solvers

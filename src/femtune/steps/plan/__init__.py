@@ -34,7 +34,7 @@ STEP = Step(
                 ["--placed"], multiple=True, metavar="SENSOR", help="Given sensor: 101, or 101Z+; repeatable."
             ),
             click.Option(["--nodes"], metavar="LIST", help='Grid points that are candidates: "101 THRU 300".'),
-            click.Option(["--exclude"], metavar="LIST", help="Grid points that are no candidates."),
+            click.Option(["--exclude"], metavar="LIST", help="Grid points to exclude."),
             click.Option(["--method"], metavar="NAME", help="expansion or elimination."),
             click.Option(
                 ["--configuration"], metavar="NAME", help="Configuration to be tested, if the study has several."

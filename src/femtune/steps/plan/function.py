@@ -54,7 +54,7 @@ def plan(
     >>> from femtune.testing import example_deck
     >>> found = ft.plan(example_deck(), modes=[1, 2, 3, 4], uniaxial=5, csv="sensors.csv")
     >>> found
-    PlanResult: as the deck: 5 uniaxial sensors for 4 target modes
+    PlanResult: baseline: 5 uniaxial sensors for 4 target modes
       largest AutoMAC 0.025, condition number 1.37
       info: candidates that do not move in any target mode are left out: 1
     >>> len(found.sensors), found.auto_mac.shape, found.files[0].name

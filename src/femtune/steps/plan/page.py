@@ -61,8 +61,8 @@ def plan_numbers(plan: PlanResults) -> KeyNumbers:
     )
 
 
-def _condition(found: PlannedSet) -> str:
-    return "infinite" if found.condition is None else short(found.condition)
+def _condition(planned: PlannedSet) -> str:
+    return "infinite" if planned.condition is None else short(planned.condition)
 
 
 def _band(plan: PlanResults) -> str:

@@ -233,7 +233,7 @@ class PlanResults(Record):
     calibration with FRFs."""
     shape_sd: float | None = None
     """Standard deviation of a shape entry that is assumed, relative to the largest entry of the mode at all candidates;
-    None likewise."""
+    None as for `frequency_sd`."""
     functions: PlannedFunctions | None = None
     """What is assumed of the FRFs; None for a calibration with modes, or without free parameters."""
     log_det_parameters: float | None = None

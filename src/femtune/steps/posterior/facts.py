@@ -43,6 +43,7 @@ _AS_WIDE = 0.9
 _MOST_ANEW = 0.05
 """Weighted part of the samples with another pairing from which a warning is given."""
 _MOST_FAILED = 0.01
+"""Share of failed solutions above which a warning is given: the distribution lacks the points where they failed."""
 _LARGE_FULL_ERROR = 0.5
 """Standard deviation of log likelihood between full and reduced model, above which the weights would not be those of
 the full model: one effective sample of five is lost there."""

@@ -60,6 +60,7 @@ _AS_GOOD = 2.0
 """Difference of log likelihood to the lowest of the samples' upper 95 %, up to which another optimum counts: a region
 there has a seventh of the density of the edge of the samples, and may be wider."""
 _LOWER_EDGE = 0.05
+"""Quantile of the log likelihood of the samples that counts as their edge."""
 
 
 def check_posterior(study: Study) -> None:
@@ -116,15 +117,15 @@ def posterior_at(
     return posterior_results(facts, arrays)
 
 
-def solving_of(problem: UpdateProblem, found: UpdateResult, reduced: bool) -> Solving:
+def solving_of(problem: UpdateProblem, result: UpdateResult, reduced: bool) -> Solving:
     """The problem about the result, with all that can be sent to another process."""
-    at = problem.start(found.x) if reduced else found.after
+    at = problem.start(result.x) if reduced else result.after
     if not kept_blocks(at):
         raise FemtuneError("posterior.no-likelihood", reason="; ".join(_reasons(at.weighted)))
-    moving = np.flatnonzero(np.isin([p.name for p in found.parameters.free], found.active))
+    moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
     sent = problem.to_send()
     # the journal keeps what the samples need, not their modes
-    return Solving(sent, sent.unsolved(at), found.side, moving)
+    return Solving(sent, sent.unsolved(at), result.side, moving)
 
 
 def _reasons(blocks: Sequence[Any]) -> list[str]:
@@ -135,7 +136,7 @@ def _left_out(solving: Solving) -> tuple[str, ...]:
     return tuple(_reasons(solving.at.weighted))
 
 
-def _likelihood(solving: Solving, found: UpdateResult, table: PosteriorTable) -> Likelihood:
+def _likelihood(solving: Solving, result: UpdateResult, table: PosteriorTable) -> Likelihood:
     blocks = kept_blocks(solving.at)
     kinds = np.array([b.kind for b in blocks for _ in b.values] + ["prior"] * solving.priors)
     fixed = np.arange(len(kinds)) >= len(kinds) - solving.priors
@@ -144,7 +145,7 @@ def _likelihood(solving: Solving, found: UpdateResult, table: PosteriorTable) ->
         lost[b.kind] = lost.get(b.kind, 0) + b.lost
     # standard deviations that are relative weights say nothing of the size of the errors
     rule = "common" if table.noise == "stated" and solving.problem.scatter == "estimated" else table.noise
-    groups = noise_groups(kinds, fixed, lost, rule, found.covariance.freedom, FEWEST_DEGREES)
+    groups = noise_groups(kinds, fixed, lost, rule, result.covariance.freedom, FEWEST_DEGREES)
     return Likelihood(groups, (), np.zeros((len(kinds), 0)))
 
 
@@ -291,11 +292,11 @@ def _other_regions(
 
 
 def _full_error(
-    full: UpdateProblem, found: UpdateResult, samples: PosteriorSamples, likelihood: Likelihood, progress: Progress
+    full: UpdateProblem, result: UpdateResult, samples: PosteriorSamples, likelihood: Likelihood, progress: Progress
 ) -> float | None:
     """Standard deviation of the difference of log likelihood of full and reduced model; None if it cannot be had."""
-    moving = np.flatnonzero(np.isin([p.name for p in found.parameters.free], found.active))
-    solving = Solving(full, full.start(found.x), found.side, moving)
+    moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
+    solving = Solving(full, full.start(result.x), result.side, moving)
     rng = np.random.default_rng(0)
     chosen = rng.choice(len(samples.x), _CHECKED_ON_FULL, p=samples.weights.values)
     differences = []

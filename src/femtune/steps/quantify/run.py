@@ -288,17 +288,17 @@ def _held(table: QuantifyTable, count: int) -> NDArray[np.bool_]:
 
 
 def _tested(
-    rows: Reals, frequencies: int, held: NDArray[np.bool_], check: ForwardCheck, found: StochasticResult
+    rows: Reals, frequencies: int, held: NDArray[np.bool_], check: ForwardCheck, result: StochasticResult
 ) -> _Tested:
-    measured = found.measured
+    measured = result.measured
     fit = Fit(
-        len(measured.repeats), check.mean, check.covariance, found.G @ found.T,
+        len(measured.repeats), check.mean, check.covariance, result.G @ result.T,
         np.zeros_like(measured.covariance) if measured.noise is None else measured.noise,
         np.arange(len(measured.mean)) < frequencies,
     )  # fmt: skip
     prediction = check_held_out(rows[held], fit) if held.any() else None
     checks = check_repeats(rows[:, :frequencies], measured.labels[:frequencies])
-    return _Tested(rows, frequencies, held, checks, prediction, found)
+    return _Tested(rows, frequencies, held, checks, prediction, result)
 
 
 @contextmanager
@@ -395,8 +395,8 @@ def _record(
     )
 
 
-def _distances(found: StochasticResult) -> CosineDistances | None:
-    return _from_covariance(found.measured, found.G, found.mean, found.names)
+def _distances(result: StochasticResult) -> CosineDistances | None:
+    return _from_covariance(result.measured, result.G, result.mean, result.names)
 
 
 def _from_covariance(
@@ -431,16 +431,18 @@ def distances_at(study: Study, x: Reals) -> CosineDistances | str:
     )
 
 
-def _parameters(study: Study, found: StochasticResult, near: CosineDistances | None) -> tuple[QuantifiedParameter, ...]:
+def _parameters(
+    study: Study, result: StochasticResult, near: CosineDistances | None
+) -> tuple[QuantifiedParameter, ...]:
     return tuple(
         QuantifiedParameter(
             parameter=p.name,
-            start=float(found.start[i]),
-            mean=float(found.mean[i]),
-            sd=float(found.sd[i]),
-            correlation=tuple(float(c) for c in found.correlation[i]),
+            start=float(result.start[i]),
+            mean=float(result.mean[i]),
+            sd=float(result.sd[i]),
+            correlation=tuple(float(c) for c in result.correlation[i]),
             cosine_distance=None if near is None or near.insensitive[i] else float(near.distance[i]),
-            outside_bounds=not p.lower <= found.mean[i] <= p.upper,
+            outside_bounds=not p.lower <= result.mean[i] <= p.upper,
         )
         for i, p in enumerate(study.parameters.free)
     )
@@ -580,31 +582,31 @@ def _sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}."
 
 
-def _of_noise(found: StochasticResult) -> list[str]:
+def _of_noise(result: StochasticResult) -> list[str]:
     """What of the measured variance the stated measurement errors are, and where they are all of it."""
-    percent = _noise_percent(found.measured)
+    percent = _noise_percent(result.measured)
     if percent is None:
         return []
     out = [f"Measurement errors are {percent:.2g} % of the measured variance, and were subtracted."]
-    none = [n for n, sd, unit in zip(found.names, found.sd, found.start_sd) if sd <= _NO_VARIABILITY * unit]
-    larger = np.flatnonzero(np.diag(found.measured.structural) <= 0.0)
+    none = [n for n, sd, unit in zip(result.names, result.sd, result.start_sd) if sd <= _NO_VARIABILITY * unit]
+    larger = np.flatnonzero(np.diag(result.measured.structural) <= 0.0)
     if larger.size:
-        which = ", ".join(found.measured.labels[i] for i in larger)
+        which = ", ".join(result.measured.labels[i] for i in larger)
         out.append(f"The stated measurement errors are larger than the measured standard deviations of {which}.")
     if none:
         out.append(f"The stated measurement errors explain all variability of {', '.join(none)}.")
     return out
 
 
-def _remarks(found: StochasticResult, parameters: tuple[QuantifiedParameter, ...]) -> list[str]:
-    out = [_sentence(found.status.value)] if found.status.name != "CONVERGED" else []
-    out += _of_noise(found)
-    if len(found.names) >= len(found.measured.mean):
+def _remarks(result: StochasticResult, parameters: tuple[QuantifiedParameter, ...]) -> list[str]:
+    out = [_sentence(result.status.value)] if result.status.name != "CONVERGED" else []
+    out += _of_noise(result)
+    if len(result.names) >= len(result.measured.mean):
         out.append(
-            f"{len(found.names)} parameters can reproduce the covariance of {len(found.measured.mean)} frequencies "
+            f"{len(result.names)} parameters can reproduce the covariance of {len(result.measured.mean)} frequencies "
             "even if other parameters vary. Use more frequencies than parameters."
         )
     outside = [p.parameter for p in parameters if p.outside_bounds]
     if outside:
         out.append(f"The mean of {', '.join(outside)} lies outside the bounds; this step does not enforce bounds.")
-    return [*out, *(_sentence(n.what) for n in found.measured.notices)]
+    return [*out, *(_sentence(n.what) for n in result.measured.notices)]

@@ -56,7 +56,7 @@ def respond(
     >>> from femtune.testing import example_deck
     >>> found = ft.respond(example_deck(), inputs=["5Z+"], from_hz=1.0, to_hz=100.0, step_hz=0.5, ratio=0.01)
     >>> found
-    RespondResult: as the deck: 1 × 1 accelerance, 1 to 100 Hz, 199 lines, real modes
+    RespondResult: baseline: 1 × 1 accelerance, 1 to 100 Hz, 199 lines, real modes
     >>> found.frfs.values.shape
     (1, 1, 199)
     """

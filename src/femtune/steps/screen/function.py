@@ -38,7 +38,7 @@ def screen(
     csv : table of runs to write: values of the free parameters, and frequencies in Hz
     report : HTML page to write, with tables and a picture
     fresh : ignore the journal of an earlier run of the study and solve everything again
-    jobs : the most runs at a time, in place of [parallel]
+    jobs : maximum number of parallel runs; overrides [parallel]
     progress : receives progress reports
     options : keys of [screen] that replace those of the study: ``design``, ``array``, ``levels``, ``trajectories``,
         ``points``, ``on``, ``runs``, ``seed``, ``configuration``

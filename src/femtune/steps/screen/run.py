@@ -59,7 +59,7 @@ def screen_parameters(
     ----------
     options : keys of [screen] that take the place of the study's
     fresh : do not take solutions from the journal of the study's run folder
-    jobs : the most runs at a time, in place of [parallel]
+    jobs : maximum number of parallel runs; overrides [parallel]
     table : CSV file for the table of runs
 
     Raises

@@ -39,7 +39,7 @@ def search(
     csv : table to write of the front, if there is one: values of the free parameters, and both objectives
     report : HTML page to write, with tables and a picture
     fresh : ignore the journal of an earlier run of the study and solve everything again
-    jobs : the most runs at a time, in place of [parallel]
+    jobs : maximum number of parallel runs; overrides [parallel]
     progress : receives progress reports
     options : keys of [search] that replace those of the study: ``on``, ``runs``, ``method``, ``seeds`` …
 

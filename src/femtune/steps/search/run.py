@@ -113,7 +113,7 @@ def search_minimum(
     ----------
     options : keys of [search] that take the place of the study's
     fresh : do not take solutions from the journal of the study's run folder
-    jobs : the most runs at a time, in place of [parallel]
+    jobs : maximum number of parallel runs; overrides [parallel]
 
     Raises
     ------

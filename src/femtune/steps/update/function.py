@@ -42,7 +42,7 @@ def update(
     output : run folder instead of the study's, which is ``run`` beside it
     wide : write changed cards in large-field format; None: as stated in the study
     fresh : empty the journal and solve everything again
-    jobs : the most runs at a time that do not depend on each other, such as starts, in place of [parallel]
+    jobs : maximum number of parallel runs, such as starts; overrides [parallel]
     progress : receives progress reports
 
     Raises

@@ -154,9 +154,9 @@ def _round(
     return RawUpdate(result, on_raw, equalised, damping, search, on_reduced)
 
 
-def _settled(study: Study, found: RawUpdate) -> bool:
+def _settled(study: Study, raw: RawUpdate) -> bool:
     """Whether the modes have the same partners at the result as where it began."""
-    return _same_partners(_damping_at(study, found.result), found.damping)
+    return _same_partners(_damping_at(study, raw.result), raw.damping)
 
 
 def _same_partners(one: Mapping[str, MeasuredDamping], other: Mapping[str, MeasuredDamping]) -> bool:

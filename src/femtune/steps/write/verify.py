@@ -25,7 +25,8 @@ A value of four digits, the fewest that a positive value has in a field of eight
 most, which changes a frequency by 0.025 %. Frequencies of repeated modal tests scatter by more than 0.1 %.
 """
 LARGEST_VALUE_DIFFERENCE = 2.0 * LARGEST_FREQUENCY_DIFFERENCE
-"""Relative difference of a value likewise: a frequency changes by at most half of it. Rounding may be larger."""
+"""Relative difference of a value above which they are different models: a frequency changes by at most half of it.
+Rounding may be larger."""
 _FIELD = 8
 """Characters of a small field."""
 _RIGID = 1e-3

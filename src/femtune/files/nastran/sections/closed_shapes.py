@@ -180,12 +180,10 @@ SOLID_SHAPES: Mapping[str, Shape] = {
 # ----------------------------------------------------------------------------------------------------
 # Round sections: ROD, TUBE, TUBE2.
 #
-# Shear factors: 0.9 for a rod reproduces frequencies that commercial Nastran lists, to six digits; 1/2 is that of a
-# thin tube (Cowper 1966, at ν = 0).
-
-
 ROD_SHEAR_FACTOR = 0.9
+"""Of a solid round section: it reproduces frequencies that commercial Nastran lists, to six digits."""
 TUBE_SHEAR_FACTOR = 0.5
+"""Of a thin tube (Cowper 1966, at ν = 0)."""
 
 
 def _rod(r: Any) -> Properties:

@@ -110,7 +110,7 @@ def _notes(source: ReportSource) -> list[Block]:
 def _left_out(source: ReportSource) -> Block:
     rows = [row(", ".join(m.configurations), ", ".join(m.labels), m.reason) for m in source.left_out()]
     heads = columns("Configurations", "Test modes", "Reason")
-    return table_or_none("Modes left out by the study", heads, rows, "The study does not leave out any mode.")
+    return table_or_none("Modes left out by the study", heads, rows, "No test mode was excluded.")
 
 
 def _alike(source: ReportSource) -> list[tuple[str, SensorResults]]:

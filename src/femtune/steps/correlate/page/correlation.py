@@ -264,7 +264,8 @@ def others(name: str, comparison: CorrelationResults, rigid: int, higher: int) -
     """A sentence on the modes that are not listed one by one; [] where all are."""
     parts = [counted(rigid, "rigid-body mode")] if rigid else []
     parts += [f"{counted(higher, 'mode')} above {freq(highest_hz(comparison))} Hz"] if higher else []
-    return [f"{name}: {' and '.join(parts)} without a partner are not listed."] if parts else []
+    is_or_are = "is" if rigid + higher == 1 else "are"
+    return [f"{name}: {' and '.join(parts)} without a partner {is_or_are} not listed."] if parts else []
 
 
 def _model_rows(comparisons: list[CorrelationResults]) -> list[_Row]:

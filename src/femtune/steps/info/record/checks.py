@@ -15,9 +15,9 @@ class ModeMeshError(Record):
     refined_hz: float | None
     """Frequency of a mesh of half the element size, in Hz; None if none of its modes resembles this mode."""
     error_percent: float | None
-    """Estimated relative error of freq_hz in %; None likewise."""
+    """Estimated relative error of freq_hz in %; None if no refined mode resembles this one."""
     converged_hz: float | None
-    """Frequency to be expected of a converged mesh, in Hz; None likewise."""
+    """Frequency to be expected of a converged mesh, in Hz; None if no refined mode resembles this one."""
 
 
 class ModelCheck(Record):

@@ -111,7 +111,8 @@ class ModelConfiguration(Record):
     centre_of_gravity: Vector3 | None
     """In the basic system, in the study's unit of length; None where the points have no coordinates."""
     inertia: tuple[Vector3, Vector3, Vector3] | None
-    """Inertia tensor about the centre of gravity, basic axes, in the study's mass·length²; None likewise."""
+    """Inertia tensor about the centre of gravity, basic axes, in the study's mass·length²; None where the
+    points have no coordinates."""
     weighed_mass: float | None
     """Measured mass, in the study's unit of mass; None if the study states none."""
     mass_difference_percent: float | None

@@ -334,4 +334,5 @@ class _Found:
         )  # fmt: skip
 
 
-_CORNERS, _GAIN = "judgement/missing_corners", "judgement/missing_gain"
+_CORNERS = "judgement/missing_corners"
+_GAIN = "judgement/missing_gain"

@@ -91,6 +91,8 @@ def _mixed(found: PartsResults) -> Iterable[ReasonRecord]:
 def mixed_sentence(n: NeighbourRecord) -> str:
     """Which mode contains how much of which other."""
     other = f"mode {n.other_label}" if n.other_label else f"model mode {n.other_number}"
+    if n.share >= 1.0:
+        return f"mode {n.test_label} contains {n.share:.1f} times as much of {other} as of its own model mode"
     return f"mode {n.test_label} contains {100.0 * n.share:.2g} % of {other}"
 
 

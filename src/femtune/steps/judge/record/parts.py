@@ -5,9 +5,13 @@ from __future__ import annotations
 from femtune.judge.kinds import PartFamily
 from femtune.study.record import Record
 
-NOT_ACCEPTED, RESERVED = 0.01, 0.05
-"""Family-wise levels of the tests: a right model is not accepted, or with a reservation, at most so often."""
-SHARE_OF_MISSING, SHARE_OF_PARTS, SHARE_OF_NEIGHBOURS = 0.6, 0.2, 0.2
+NOT_ACCEPTED = 0.01
+"""Family-wise level of the tests: a right model is not accepted at most so often."""
+RESERVED = 0.05
+"""The same for a reservation."""
+SHARE_OF_MISSING = 0.6
+SHARE_OF_PARTS = 0.2
+SHARE_OF_NEIGHBOURS = 0.2
 """Of these levels, which the search for missing parameters, the parts and the neighbours have together, being tests of
 one question: a probability is divided by the share of its test (weighted Bonferroni). The search has most of it, since
 it finds most of the wrong models: with equal shares 73 of 81 were found in trials with true standard deviations, so

@@ -276,10 +276,11 @@ def _caveats(source: ReportSource, update: UpdateResults) -> list[str]:
     """What must be said in the same breath as the success."""
     at_bound = sum(bool(p.at_bound) for p in update.parameters)
     open_ = len(source.results.selection.undetermined) if source.results.selection else 0
+    misfit = update.goodness is not None and update.goodness.verdict == "fail"
     return [
         *([f"{counted(at_bound, 'parameter')} {'is' if at_bound == 1 else 'are'} at a bound"] if at_bound else []),
         *([f"the data leave {counted(open_, 'combination')} of parameters undetermined"] if open_ else []),
-        *(["the residuals are not noise"] if update.goodness and update.goodness.verdict == "fail" else []),
+        *(["the remaining misfit exceeds the measurement error"] if misfit else []),
         *_failed(source),
     ]
 

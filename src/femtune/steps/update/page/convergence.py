@@ -27,8 +27,8 @@ _MOST_LEFT = 3
 _ENOUGH_STARTS = 2
 """Starts that have to reach a minimum for it to be called the best one."""
 _TRIALS_NOTE = (
-    "With another pairing the update goes on from its end with these pairs held, then with pairs by their MACs. χ² of "
-    "both ends is over the same comparisons: a test mode without a partner is compared with the nearest model mode. "
+    "With another pairing the update continues from its end with these pairs held, then with pairs by their MACs. χ² "
+    "of both ends is over the same comparisons: a test mode without a partner is compared with the nearest model mode. "
     "“Led back”: a start was given up because its steps led back to the best end."
 )
 _POLES_NOTE = (
@@ -180,17 +180,21 @@ def _optimality(update: UpdateResults) -> list[Block]:
         return []
     certificate, small = update.certificate, update.smallest_change
     negative = [m for m in certificate.multipliers if m.value < 0.0]
-    bounds = (
-        f"{counted(len(certificate.multipliers), 'parameter')} at a bound, {len(negative)} with a negative multiplier"
-    )
+    at_bounds = f"{counted(len(certificate.multipliers), 'parameter')} at a bound"
     conditions = (
-        f"Conditions of a minimum: projected gradient {short(certificate.projected_gradient)}; a further Gauss-Newton "
-        f"step would reduce the sum of squares by {short(certificate.predicted_decrease)} of its value; {bounds}."
+        f"Conditions of a minimum: the steepest remaining slope of the objective in a direction that the bounds allow "
+        f"is {short(certificate.projected_gradient)}; a further Gauss-Newton step would reduce the sum of squares by "
+        f"{short(certificate.predicted_decrease)} of its value; {at_bounds}{_inwards(len(negative))}."
     )
     if small is None:
         which = f"The result is {_minimum(update)}: χ² = {value(update.chi_square)}."
         return [Paragraph(f"{which} {conditions}")]
     return [Paragraph(f"{_smallest_change(update, small)} {conditions}")]
+
+
+def _inwards(count: int) -> str:
+    """Parameters that would fit better inside, away from their bounds (negative Lagrange multipliers)."""
+    return f", {count} of which would fit better inside the bounds" if count else ""
 
 
 def which_point(update: UpdateResults) -> list[str]:
@@ -219,10 +223,10 @@ def minimum_sentences(update: UpdateResults) -> list[str]:
     ]
 
 
-def _left(found: MinimumResults) -> str:
-    some = "; ".join(found.left[:_MOST_LEFT])
-    more = f"; and {len(found.left) - _MOST_LEFT} more" if len(found.left) > _MOST_LEFT else ""
-    return f"Other pairings that were not tried: {some}{more}." if found.left else ""
+def _left(minimum: MinimumResults) -> str:
+    some = "; ".join(minimum.left[:_MOST_LEFT])
+    more = f"; and {len(minimum.left) - _MOST_LEFT} more" if len(minimum.left) > _MOST_LEFT else ""
+    return f"Other pairings that were not tried: {some}{more}." if minimum.left else ""
 
 
 def _which_point(update: UpdateResults) -> list[str]:
@@ -230,12 +234,9 @@ def _which_point(update: UpdateResults) -> list[str]:
         return []
     certificate, small = update.certificate, update.smallest_change
     negative = sum(m.value < 0.0 for m in certificate.multipliers)
-    signs = (
-        f", {negative} of {counted(len(certificate.multipliers), 'multiplier')} negative"
-        if certificate.multipliers
-        else ""
-    )
-    conditions = f"projected gradient {short(certificate.projected_gradient)}{signs}"
+    at_bounds = f", {counted(len(certificate.multipliers), 'parameter')} at a bound" if certificate.multipliers else ""
+    slope = short(certificate.projected_gradient)
+    conditions = f"steepest slope within the bounds {slope}{at_bounds}{_inwards(negative)}"
     if small is None:
         return [f"Result: {_minimum(update)}, χ² = {value(update.chi_square)} ({conditions})."]
     return [

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.update import DerivedResult, ParameterFacts, ParameterResult, PhysicalValue
 
 
-def derived_quantities(found: Sequence[DerivedResult]) -> list[Block]:
+def derived_quantities(quantities: Sequence[DerivedResult]) -> list[Block]:
     """A table of them; nothing where the study defines none."""
     heads = columns("Quantity", "Unit", ">Initial", ">Updated", ">± σ", ">95 %", "Expression")
-    return [Table("Derived quantities", heads, tuple(_derived_row(d) for d in found))] if found else []
+    return [Table("Derived quantities", heads, tuple(_derived_row(d) for d in quantities))] if quantities else []
 
 
 def _derived_row(quantity: DerivedResult) -> tuple[Cell, ...]:

@@ -58,7 +58,7 @@ class ReducedFrfResults(Record):
     mean_difference: float
     """Root mean square of the change, in standard deviations of the measured values."""
     largest_difference: float
-    """The largest change, likewise."""
+    """The largest change, in the same standard deviations."""
     shift: float
     """How far the change moves the combination of parameters that it moves most, in its standard deviation."""
     tolerance: float

@@ -15,7 +15,7 @@ class FrfTruncation(Record):
     modes: int | None
     """Number of modes that are superposed; None if the method needs none."""
     modes_to_hz: float | None
-    """Natural frequency of the last one, Hz; None likewise."""
+    """Natural frequency of the last one, Hz; None if the method needs none."""
     highest_line_hz: float
     """Highest frequency line of the residual, Hz."""
     lines_hz: tuple[float, ...]
@@ -23,7 +23,7 @@ class FrfTruncation(Record):
     largest_sd: float | None
     """Largest error of the FRFs, in standard deviations of the measured values (no unit); None without truncation."""
     rms_sd: float | None
-    """Root mean square of the errors, likewise."""
+    """Root mean square of the errors, in the same standard deviations; None without truncation."""
     largest_percent: float | None
     """Largest relative error of an FRF value, in %."""
     function: str

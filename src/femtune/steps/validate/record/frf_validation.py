@@ -58,4 +58,4 @@ class PredictedCurves(Record):
     values_key: str
     """Key of the values of the model, complex, shape (outputs, inputs, lines)."""
     test_values_key: str
-    """Key of the measured values, likewise; NaN where the update used them or nothing was measured."""
+    """Key of the measured values, of the same shape; NaN where the update used them or nothing was measured."""

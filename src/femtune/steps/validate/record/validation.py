@@ -147,7 +147,7 @@ class GoodnessResults(Record):
     runs: int | None
     """Runs of one sign in the order of the comparisons; None for fewer than ten residuals."""
     runs_p_value: float | None
-    """Probability of at most this number of runs; None likewise."""
+    """Probability of at most this number of runs; None where not tested."""
     largest: float | None
     """Largest residual, with its sign, in units of its own standard deviation."""
     largest_label: str

@@ -67,7 +67,7 @@ def weigh(source: StudySource, *, report: Path | str | None = None, progress: Pr
     >>> import femtune as ft
     >>> from femtune.testing import example_deck
     >>> ft.weigh(example_deck())
-    WeighResult: as the deck: mass 9.85
+    WeighResult: baseline: mass 9.85
     """
     page, described = checked_page(report), source_of(source)
     watch = Stopwatch(call("weigh", described))
