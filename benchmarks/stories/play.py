@@ -122,6 +122,8 @@ def plot(seed: int) -> tuple[tuple[Kind, ...], list[Start], list[str]]:
 def _forked(words: list[str], folder: Path, name: str, environment: Mapping[str, str], disk: int) -> Iterator[int]:
     """A process of femtune that this one has loaded already; it is not there any more afterwards."""
     sys.stdout.flush(), sys.stderr.flush()
+    # it may be killed before it writes
+    (folder / f"{name}.out").touch()
     pid = os.fork()
     if pid == 0:
         code = 99
