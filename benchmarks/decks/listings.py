@@ -72,7 +72,7 @@ def by_mystran(text: str) -> NDArray[np.float64] | None:
     if not binary.is_file():
         return None
     selected, bulk = bulk_of(text)
-    for method in ("EIGR,990,MGIV,,,,24\n,MAX", "EIGRL,990,,,12", "EIGRL,990,,,4"):
+    for method in ("EIGR,990,MGIV,,,,24\n,MAX", "EIGRL,990,,,12", "EIGR,990,GIV,,,,24\n,MAX"):
         deck = ["SOL 103", "CEND", "METHOD = 990", *selected, "BEGIN BULK", method, *bulk, "ENDDATA", ""]
         with tempfile.TemporaryDirectory() as name:
             (Path(name) / "a.bdf").write_text("\n".join(deck))
