@@ -25,7 +25,7 @@ from femtune.model import (
 from femtune.model.eigen import krylov as iteration
 from femtune.model.eigen import pairs as eigenpairs
 from femtune.model.eigen import solution as eigen_module
-from femtune.model.eigen.accuracy import energy_residuals, force_residuals
+from femtune.model.eigen.accuracy import energy_residuals
 from femtune.model.eigen.krylov import Krylov, KrylovPairs, begin, beside, iterate
 from femtune.model.eigen.mass_space import MassSpace
 from femtune.model.eigen.pairs import EigenSearch, iterative, largest
@@ -302,7 +302,11 @@ def test_bounds_of_residuals_are_bounds():
     size = abs(values[20] - values[17]) / np.sqrt((values[20] + 1e4) * (values[17] + 1e4))
     assert errors[17] == pytest.approx(1e-6 * size, rel=1e-2)
     assert (np.delete(errors[:30], 17) < 1e-8).all()
-    assert (force_residuals(pencil, values, shapes)[6:30] < 1e-6).all()
+    # forces, each measured by its stiffness, of the elastic modes
+    elastic, inertial = pencil.stiffness @ shapes, (pencil.mass @ shapes) * values
+    scale = 1.0 / np.sqrt(pencil.K.diagonal())[:, None]
+    size = np.linalg.norm(scale * elastic, axis=0) + np.linalg.norm(scale * inertial, axis=0)
+    assert (np.linalg.norm(scale * (elastic - inertial), axis=0)[6:30] < 1e-6 * size[6:30]).all()
 
 
 def test_negative_masses_are_seen():
