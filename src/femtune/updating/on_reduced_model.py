@@ -412,12 +412,19 @@ class ReducedSearch:
         five = zip(self.cases, self.trained, self.estimates, errors, self.functions)
         return tuple(
             ReducedCaseFacts(
-                c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status,
-                reduced_components(t), t.certified[0].error,
-                None if t.components is None else len(t.components.interface), len(functions),
+                configuration=c.name,
+                order=t.model.order,
+                full_solutions=len(t.certified) + 1,
+                estimate=first.worst_estimate,
+                certified_error=error,
+                status=first.status,
+                components=reduced_components(t),
+                truncation=t.certified[0].error,
+                interface_dofs=None if t.components is None else len(t.components.interface),
+                functions=len(functions),
             )
             for c, t, first, error, functions in five
-        )  # fmt: skip
+        )
 
     @property
     def used_up(self) -> bool:
