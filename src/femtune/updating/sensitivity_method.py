@@ -278,7 +278,7 @@ _NEARLY_SAME = 1e-6
 """Relative decrease of the objective that no result shows: χ² is reported with fewer digits."""
 _ZERO_OBJECTIVE = 1e-24
 """Objective of residuals of about 1e-12: an exact fit."""
-_MANY_PAIRING_CHANGES = 6
+MANY_PAIRING_CHANGES = 6
 """Iterations with a change of pairing, beyond which the search is taken to cycle between pairings. A search may pass
 several crossings on its way."""
 _WORTH_A_JUMP = 1e-7
@@ -555,7 +555,7 @@ class _Update:
         if not changes:
             return self._end(point, failed=False)
         steps = self.history[first + 1 :]
-        if sum(bool(i.events) for i in steps) > _MANY_PAIRING_CHANGES:
+        if sum(bool(i.events) for i in steps) > MANY_PAIRING_CHANGES:
             return Status.PAIRING_CYCLES
         if self._crawls(steps, gain):
             return Status.STALLED
