@@ -145,9 +145,14 @@ def _is_private(node: ast.AST) -> bool:
         own = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls", "os")
         return not own and re.fullmatch(r"_[a-zA-Z]\w*[a-zA-Z0-9]", node.attr) is not None
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "setattr":
-        words = [word.value for word in node.args[:2] if isinstance(word, ast.Constant) and isinstance(word.value, str)]
-        return any(re.search(r"(^|\.)_[a-zA-Z]\w*$", word) for word in words)
-    return False
+        words = node.args[:2]
+    elif isinstance(node, ast.Tuple) and len(node.elts) == 3:
+        # owner, name and value of what is replaced
+        words = node.elts[1:2]
+    else:
+        return False
+    names = [word.value for word in words if isinstance(word, ast.Constant) and isinstance(word.value, str)]
+    return any(re.search(r"(^|\.)_[a-zA-Z]\w*$", name) for name in names)
 
 
 _HOMONYMS: dict[frozenset[str], str] = {}

@@ -28,7 +28,7 @@ ENOUGH = 1e-7
 """The same that is accepted if rounding prevents a smaller one."""
 _LEAST_PART = 1e-12
 """Energy of a force, relative to the whole force, below which the rest of a second pass is rounding."""
-_MOST_STEPS = 400
+MOST_STEPS = 400
 """Steps of the conjugate gradients."""
 _REPEATED = 1e-9
 """|λ_j − λ_h| relative to λ_j − σ below which two modes cross exactly: the quotient would have no digits."""
@@ -199,7 +199,7 @@ class Complement:
         y, z = np.zeros_like(b), self._precondition(r)
         d, rho = z.copy(), np.einsum("ij,ij->j", r, z)
         progress = SeriesProgress(np.maximum(np.abs(rho), least), tolerance)
-        for _ in range(_MOST_STEPS):
+        for _ in range(MOST_STEPS):
             if progress.is_done(rho):
                 return y
             q = self._pencil.stiffness @ d - eigenvalue * (self._pencil.mass @ d)
