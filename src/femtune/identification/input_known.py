@@ -70,6 +70,7 @@ class InputKnown:
     real : real shapes
     exponential_s : time constant τ of an exponential window e^{−t/τ} with which the functions were made. They are those
         of the structure at s = iω + 1/τ; poles, modes and system are those without the window
+    suspension_hz : modes below it are rigid-body motions on a suspension, which are fitted and not reported
     """
 
     band_hz: tuple[float, float] | None = None
@@ -86,6 +87,7 @@ class InputKnown:
     reciprocal: bool = False
     real: bool = True
     exponential_s: float | None = None
+    suspension_hz: float = 0.0
 
     def __post_init__(self) -> None:
         unknown = set(self.methods) - set(KNOWN_INPUT)
@@ -196,7 +198,7 @@ def _identified(
         table = _moved_table(table, shift)
         candidates = tuple(_moved(one, table) for one in candidates)
     try:
-        fit, candidates, left, kept = in_place(fit, candidates, by_hand, table, band)
+        fit, candidates, left, kept = in_place(fit, candidates, by_hand, table, band, asked.suspension_hz)
     except FemtuneError as error:
         raise NoModesChosen("identify.no-poles/left", table, candidates, whole, **error.facts) from error
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
