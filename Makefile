@@ -165,6 +165,7 @@ bench-health: $(VENV)/.stamp-test  ## how often faults of decks, studies and tes
 
 bench-sensors: $(VENV)/.stamp-test  ## how often the places of test points are found, on 200 random layouts; takes minutes
 	@$(ONE_THREAD) $(BIN)/python benchmarks/sensors/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+	@$(ONE_THREAD) $(BIN)/python benchmarks/sensors/exchanged.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 bench-page: $(VENV)/.stamp-test web/node_modules/.stamp  ## size, load time and frames a second of the page against model size; takes minutes
 	@$(ONE_THREAD) $(BIN)/python benchmarks/page/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)

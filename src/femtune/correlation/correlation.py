@@ -193,9 +193,7 @@ def _doubtful_sensors(test: ModeSet, model: ModeSet, pairing: Pairing, psi: NDAr
     """Sensors that move against the model in every one of several pairs, mounted or wired the other way round, and
     sensors whose channels were exchanged."""
     keep = _defined(psi, phi)
-    if keep.sum() < 2:
-        return ()
-    agreement = motion_agreement(psi[:, keep], phi[:, keep])
+    agreement = motion_agreement(psi[:, keep], phi[:, keep]) if keep.sum() >= 2 else np.zeros(len(psi))
     inverted = [int(k) for k in np.flatnonzero(np.nan_to_num(agreement) < _INVERTED)]
     labels = ", ".join(str(test.dofs[k]) for k in inverted)
     told = (Notice("correlate.sensor-inverted", pairs=keep.sum(), sensors=labels),) if inverted else ()
