@@ -19,6 +19,7 @@ from femtune.identification.choice import Candidate
 from femtune.identification.modal_fit import ModalFit
 from femtune.identification.near_band import gain
 from femtune.identification.pole_table import PoleTable
+from femtune.identification.significance import stands_out
 
 CHANCE = 1e-9
 """Probability of what a pole of noise would explain: there are many places where one could be."""
@@ -26,9 +27,9 @@ LEAST_SHARE = 0.1
 """Part of the orders of a method that have the pole at least."""
 MOST_TRIALS = 8
 """Clusters that are tried, those of the largest share first."""
-LEAST_WHITE = 0.25
+LEAST_WHITE = 0.7
 """Mean square of the fourth differences of the errors over 70 times their own, which is 1 for white noise. Errors of a
-model that does not hold change slowly from line to line; so do those of a weak mode beside, which is allowed."""
+model that does not hold change slowly from line to line: with 0.25 they were taken for modes."""
 KNOWN_DAMPING = 4.0
 """Standard deviations of the damping ratio above zero."""
 _LEAST_LINES, _HALF_BANDS = 16, 4.0
@@ -90,7 +91,11 @@ def _explains(trial: ModalFit, fit: ModalFit, begun_at: int) -> bool:
     pole, others, lines = trial.poles[r], np.delete(trial.poles, r), trial.measured.freq_hz
     inside = bool(lines[0] <= abs(pole) / (2.0 * np.pi) <= lines[-1])
     apart = bool(np.all(np.abs(others - pole) >= _APART * abs(pole.real)))
-    return inside and apart and _damping_is_known(trial, r)
+    if not (inside and apart and _damping_is_known(trial, r)):
+        return False
+    # noise that is larger at the resonances makes poles of its own beside them
+    values = trial.measured.values - (0.0 if trial.ends is None else trial.ends[:, None])
+    return stands_out(replace(trial.measured, values=values), complex(pole), others)
 
 
 def _damping_is_known(fit: ModalFit, r: int) -> bool:
