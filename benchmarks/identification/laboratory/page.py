@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from score import HELD, NORMAL_95
-from tests import AMBIENT_S, BAND, BURSTS, KINDS, RATE, SWEEP_S
+from simulated import AMBIENT_S, BAND, BURSTS, KINDS, RATE, SWEEP_S
 
 Row = dict[str, Any]
 _MEDIAN_OF_NORMAL = 0.6745
