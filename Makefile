@@ -32,7 +32,7 @@ NOT_QUICK := $(addprefix examples/cases/,$(addsuffix /run.py,bootstrap_identifie
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -197,6 +197,9 @@ release-check:  ## the check-list of a release: build, metadata, empty environme
 cluster-check: $(VENV)/.stamp-test  ## the commands of the documentation for Slurm and dask-jobqueue; takes minutes
 	@$(PIP) -e ".[cluster]" dask-jobqueue
 	@$(ONE_THREAD) $(BIN)/python .ci/cluster_commands.py $(or $(CHECK_ARGS),--evidence docs/evidence)
+
+container-check: $(VENV)/.stamp-test  ## the commands of the documentation for podman, Docker and Apptainer; takes minutes, needs root or podman for this user
+	@$(ONE_THREAD) $(BIN)/python .ci/container_commands.py $(or $(CHECK_ARGS),--evidence docs/evidence)
 
 clean:  ## remove all generated files and the environment
 	rm -rf $(VENV) build dist src/*.egg-info docs/_build web/node_modules .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -122,3 +122,10 @@ def spread(cases: list[dict[str, int]], count: int) -> set[int]:
         used.update(cases[best].items())
         chosen.add(best)
     return chosen
+
+
+@pytest.fixture
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working folder of a test, with nothing in it."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

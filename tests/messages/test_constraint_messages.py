@@ -31,10 +31,7 @@ NOTICES = {
     "deck.dof-set-overlap": _POINTS + "OMIT,1,12\nASET,1,1\n",
 }
 
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def _built(text: str) -> BuiltDeck:

@@ -29,10 +29,7 @@ NOTICES = {
     "deck.nonlinear-damper": _BASE + "PBUSH1D,4,1.,2.\n,SHOCKA,TABLE,.5\nCBUSH1D,1,4,1,2\n",
 }
 
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def _check(error: FemtuneError, code: str) -> None:

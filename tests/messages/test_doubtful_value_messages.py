@@ -25,10 +25,7 @@ TABLES = {
 }
 HEAVY = '[[configuration]]\nname = "bench"\ntest = "{}"\nmasses = [{{ node = 2, mass = 2000.0 }}]\n'
 
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def notices(text: str) -> tuple[Notice, ...]:

@@ -112,10 +112,7 @@ NOTICES = {
 }
 _W = Where("study.toml", 31, "parameter[2]")
 
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def _built(text: str, allow_missing: bool = False) -> BuiltDeck:

@@ -33,10 +33,7 @@ MAT1,1,2.1+11,,.3,7850.
 FORCE = "FORCE,3,3,,100.,1.,0.,0.\n"
 HELD = "SPC1,1,123456,1\n"
 
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def _built(cards: str) -> BuiltDeck:
