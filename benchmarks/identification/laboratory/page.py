@@ -22,7 +22,8 @@ def page(rows: list[Row], wanted: int) -> str:
     return "\n".join([
         "# Identification of what laboratories record", "",
         f"Measured on {datetime.now(UTC):%Y-%m-%d} by `make bench-laboratory`: {len(rows)} of {wanted} identifications "
-        f"({counts}).", "",
+        f"({counts})."
+        + (" The run was ended early; its tests are the first of a drawn order." if len(rows) < wanted else ""), "",
         *_about(), "",
         "## Modes", "",
         "| excitation | who | tests | true modes found | in close pairs | not held by the data, found | "
