@@ -51,7 +51,7 @@ def test_a_model_of_matrices_has_no_properties_that_could_change() -> None:
     test = ft.simulate(true, ["1 THRU 4:3"], count=4, frequency_scatter=0.01, seed=1)
     result = ft.posterior(
         model, test, parameters=[ft.Parameter("k", fields=["MATRIX K"], lower=0.5, upper=2.0)],
-        residuals={"frequency_sd": 0.01}, posterior=RULES,
+        residuals={"frequency_sd": 0.01}, posterior=RULES, sensors={"by_id": True},
     )  # fmt: skip
     record = result.results.posterior
     assert record is not None
