@@ -32,7 +32,7 @@ NOT_QUICK := $(addprefix examples/cases/,$(addsuffix /run.py,bootstrap_identifie
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz bench-solver-files bench-stories mutants readers release-check cluster-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -135,6 +135,11 @@ bench-identification: $(VENV)/.stamp-test  ## identification compared with three
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
 	  $(BIN)/python benchmarks/identification/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
+bench-laboratory: $(VENV)/.stamp-test  ## identification of hits, bursts, sweeps and ambient records; an hour, can be interrupted (BENCH_ARGS="--minutes 10")
+	@test -d $(VENV)/peers/pyoma2 || $(PIP) --target $(VENV)/peers --no-deps $(PEERS)
+	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
+	  $(BIN)/python benchmarks/identification/laboratory/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
 SURROGATE_PEERS := smt scikit-learn openturns joblib threadpoolctl narwhals cloudpickle jenn jsonpointer orjson pydoe \
 	SALib multiprocess dill pandas python-dateutil six
 
@@ -160,6 +165,7 @@ bench-health: $(VENV)/.stamp-test  ## how often faults of decks, studies and tes
 
 bench-sensors: $(VENV)/.stamp-test  ## how often the places of test points are found, on 200 random layouts; takes minutes
 	@$(ONE_THREAD) $(BIN)/python benchmarks/sensors/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+	@$(ONE_THREAD) $(BIN)/python benchmarks/sensors/exchanged.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 bench-page: $(VENV)/.stamp-test web/node_modules/.stamp  ## size, load time and frames a second of the page against model size; takes minutes
 	@$(ONE_THREAD) $(BIN)/python benchmarks/page/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
@@ -188,6 +194,9 @@ release-check:  ## the check-list of a release: build, metadata, empty environme
 cluster-check: $(VENV)/.stamp-test  ## the commands of the documentation for Slurm and dask-jobqueue; takes minutes
 	@$(PIP) -e ".[cluster]" dask-jobqueue
 	@$(ONE_THREAD) $(BIN)/python .ci/cluster_commands.py $(or $(CHECK_ARGS),--evidence docs/evidence)
+
+container-check: $(VENV)/.stamp-test  ## the commands of the documentation for podman, Docker and Apptainer; takes minutes, needs root or podman for this user
+	@$(ONE_THREAD) $(BIN)/python .ci/container_commands.py $(or $(CHECK_ARGS),--evidence docs/evidence)
 
 clean:  ## remove all generated files and the environment
 	rm -rf $(VENV) build dist src/*.egg-info docs/_build web/node_modules .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -246,8 +246,8 @@ has an external solver. Made by `.ci/cluster_commands.py` (`make cluster-check`)
 | --- | --- | --- |
 {table}
 
-SLEPc on two ranks is among the tests. Not run: Slurm with several machines, other queues (PBS, LSF), Apptainer, and the
-container, because no image can be loaded where this is run.
+SLEPc on two ranks is among the tests. The commands for containers have [a page of their own](container_commands.md).
+Not run: Slurm with several machines, and other queues (PBS, LSF).
 """
 
 

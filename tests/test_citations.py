@@ -9,7 +9,7 @@ import pytest
 from femtune import citations
 
 
-@pytest.mark.parametrize("key", sorted(citations._ALL))
+@pytest.mark.parametrize("key", sorted(citations.PUBLICATIONS))
 def test_bibtex_has_author_title_and_year(key: str) -> None:
     found = citations.citation(key)
     assert found.bibtex.startswith("@")

@@ -135,7 +135,24 @@ def test_tests_share_builders_and_use_public_names() -> None:
         path for path, node in imports if any(part.startswith("test_") for part in (node.module or "").split("."))
     ]
     private = [path for path, node in imports if any(name.name.startswith("_") for name in node.names)]
+    private += [path for path in paths if any(map(_is_private, ast.walk(_tree(path))))]
     assert [str(path) for path in (*of_tests, *private)] == []
+
+
+def _is_private(node: ast.AST) -> bool:
+    """Whether a private name of another module or object is used or replaced."""
+    if isinstance(node, ast.Attribute):
+        own = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls", "os")
+        return not own and re.fullmatch(r"_[a-zA-Z]\w*[a-zA-Z0-9]", node.attr) is not None
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "setattr":
+        words = node.args[:2]
+    elif isinstance(node, ast.Tuple) and len(node.elts) == 3:
+        # owner, name and value of what is replaced
+        words = node.elts[1:2]
+    else:
+        return False
+    names = [word.value for word in words if isinstance(word, ast.Constant) and isinstance(word.value, str)]
+    return any(re.search(r"(^|\.)_[a-zA-Z]\w*$", name) for name in names)
 
 
 _HOMONYMS: dict[frozenset[str], str] = {}

@@ -10,6 +10,10 @@ from femtune.unit_labels import frequency_factor, meanings, time_factor, unit_la
 
 G, LBF, INCH = 9.80665, 4.4482216152605, 0.0254
 MOTION = {
+    "G's": 9.80665,
+    "ms-2": 1.0,
+    "mms^-2": 1e-3,
+    "ms-1": 1.0,
     "m": 1.0, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mil": 1e-3 * INCH, "Inches": INCH,
     "mm/s": 1e-3, "m/sec": 1.0, "ips": INCH, "in/s": INCH, "µm/s": 1e-6,
     "m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "(m/s²)": 1.0, "m s-2": 1.0, "m/s/s": 1.0, "M/S2": 1.0,
@@ -17,7 +21,9 @@ MOTION = {
     "g": G, "G": G, "g's": G, "Gs": G, "gn": G, "mg": 1e-3 * G, "gal": 0.01, "Gal": 0.01, "m/s2 RMS": 1.0,
     "grms": G, "g(rms)": G, "m/s² [peak]": 1.0,
 }  # fmt: skip
-FORCES = {"N": 1.0, "kN": 1e3, "KN": 1e3, "mN": 1e-3, "MN": 1e6, "daN": 10.0, "kgf": G, "kp": G, "lbf": LBF, "LB": LBF,
+FORCES = {
+    "uN": 1e-6, "N": 1.0, "kN": 1e3, "KN": 1e3, "mN": 1e-3, "MN": 1e6, "daN": 10.0, "kgf": G, "kp": G,
+    "lbf": LBF, "LB": LBF,
     "kip": 1e3 * LBF, "ozf": LBF / 16, "dyn": 1e-5, "tonf": 1e3 * G, "klbf": 1e3 * LBF, "N-rms": 1.0}  # fmt: skip
 RATIOS = {
     "g/N": (G, "accelerance"), "G/LBF": (G / LBF, "accelerance"), "m/s^2/N": (1.0, "accelerance"),

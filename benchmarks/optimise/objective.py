@@ -94,12 +94,12 @@ def _paired(case: ComparedCase, x: Reals, residuals: Sequence[FrequencyResidual 
     values, shapes = modes.eigenvalues[: modes.wanted], np.asarray(case.sensors @ modes.shapes[:, : modes.wanted])
     if len(values) < len(case.test):
         raise FemtuneError("correlate.no-pairs")
-    found = _LeastPairing(case, values, shapes, tuple(residuals)).groups()
+    found = LeastPairing(case, values, shapes, tuple(residuals)).groups()
     return CaseState(case, bare.point, tuple(found), modes)
 
 
 @dataclass(eq=False)
-class _LeastPairing:
+class LeastPairing:
     """The pairing with the least sum of squares of all.
 
     A pairing that is only locally the best would jump, and the objective with it: close test modes are compared with

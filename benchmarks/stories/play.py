@@ -11,6 +11,7 @@ import shutil
 import signal
 import sqlite3
 import sys
+import threading
 import time
 import traceback
 from collections import Counter
@@ -121,6 +122,8 @@ def plot(seed: int) -> tuple[tuple[Kind, ...], list[Start], list[str]]:
 def _forked(words: list[str], folder: Path, name: str, environment: Mapping[str, str], disk: int) -> Iterator[int]:
     """A process of femtune that this one has loaded already; it is not there any more afterwards."""
     sys.stdout.flush(), sys.stderr.flush()
+    # it may be killed before it writes
+    (folder / f"{name}.out").touch()
     pid = os.fork()
     if pid == 0:
         code = 99
@@ -140,7 +143,10 @@ def _forked(words: list[str], folder: Path, name: str, environment: Mapping[str,
                 code = int(end.code or 0)
             if name == _QUIET:
                 (folder / "modules").write_text("\n".join(sys.modules))
-            # what femtune does at the exit of its process; this one's other exit functions are those of its parent
+            # what is done at the exit of a process; this one's other exit functions are those of its parent
+            for thread in threading.enumerate():
+                if thread is not threading.current_thread() and not thread.daemon:
+                    thread.join()
             end_all()
         except BaseException:
             traceback.print_exc()

@@ -63,7 +63,9 @@ def main() -> None:
     kept = folder / "benchmark_stories.json"
     parts = json.loads(kept.read_text()) if kept.exists() else {}
     if own["stories"]:
-        parts[f"seed {options.seed}"] = own
+        name = f"seed {options.seed}"
+        # written by hand: stories that failed and were played again after something was mended
+        parts[name] = {**own, "notes": parts.get(name, {}).get("notes", [])}
     text = page(list(parts.values()))
     print(text)
     if options.evidence:
@@ -95,6 +97,7 @@ def page(parts: list[dict[str, Any]]) -> str:
     events = sum((Counter(part["events"]) for part in parts), Counter())
     dates = sorted({date for part in parts for date in part["dates"]})
     made_on = dates[0] if len(dates) < 2 else f"{dates[0]} to {dates[-1]}"
+    notes = "".join(f"\n{note}\n" for part in parts for note in part.get("notes", []))
     rows = "\n".join(f"| {label} | {events[key]:,} |" for key, label in _EVENTS.items())
     return f"""# Disturbed runs
 
@@ -120,7 +123,7 @@ At the end of each story it is checked that
 Stories that failed a check: {total["failed"]} of {total["stories"]}. The runs beyond the needed were counted in
 {total["counted"]} stories: {total["made"] - total["needed"]} beyond {total["needed"]}. Made by
 `benchmarks/stories/run.py`.
-"""
+{notes}"""
 
 
 _EVENTS = {

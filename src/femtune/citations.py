@@ -14,14 +14,14 @@ class Citation:
     bibtex: str
 
 
-_ALL: dict[str, Citation] = {}
+PUBLICATIONS: dict[str, Citation] = {}
 
 
 def _register(key: str, kind: str, **fields: str) -> None:
     body = ",\n".join(f"  {name} = {{{value}}}" for name, value in fields.items())
     source = fields.get("journal") or fields.get("publisher") or fields.get("booktitle", "")
     text = f"{fields['author']} ({fields['year']}), {fields['title']}, {source}"
-    _ALL[key] = Citation(key, text, f"@{kind}{{{key},\n{body}\n}}")
+    PUBLICATIONS[key] = Citation(key, text, f"@{kind}{{{key},\n{body}\n}}")
 
 
 _register(
@@ -711,4 +711,4 @@ _register(
 
 def citation(key: str) -> Citation:
     """The publication registered under `key` (KeyError if there is none)."""
-    return _ALL[key]
+    return PUBLICATIONS[key]

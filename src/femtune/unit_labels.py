@@ -34,7 +34,8 @@ _UNITS: dict[str, tuple[float, Dimension]] = {
     "um": (1e-6, _LENGTH), "micron": (1e-6, _LENGTH), "nm": (1e-9, _LENGTH), "pm": (1e-12, _LENGTH),
     "in": (_INCH, _LENGTH), "mil": (1e-3 * _INCH, _LENGTH), "thou": (1e-3 * _INCH, _LENGTH),
     "ft": (12.0 * _INCH, _LENGTH),
-    "N": (1.0, _FORCE), "kN": (1e3, _FORCE), "MN": (1e6, _FORCE), "mN": (1e-3, _FORCE), "daN": (10.0, _FORCE),
+    "N": (1.0, _FORCE), "kN": (1e3, _FORCE), "MN": (1e6, _FORCE), "mN": (1e-3, _FORCE),
+    "µN": (1e-6, _FORCE), "uN": (1e-6, _FORCE), "daN": (10.0, _FORCE),
     "dyn": (1e-5, _FORCE), "kgf": (STANDARD_GRAVITY, _FORCE), "kp": (STANDARD_GRAVITY, _FORCE),
     "gf": (1e-3 * STANDARD_GRAVITY, _FORCE), "lbf": (POUND_FORCE, _FORCE), "ozf": (POUND_FORCE / 16.0, _FORCE),
     "tf": (1e3 * STANDARD_GRAVITY, _FORCE), "kip": (1e3 * POUND_FORCE, _FORCE),
@@ -68,7 +69,7 @@ _WORDS_BEHIND = re.compile(r"[\s_-]*[(\[]?\b(rms|peak|pk|0-pk|0-peak|zero-peak)\
 """Words of scaling behind a unit; in a ratio of motion and force they cancel."""
 _TOKEN = re.compile(
     r"\s*(?:(?P<open>\()|(?P<close>\))|(?P<per>/|\bper\b)|(?P<times>\*\*(?=\D)|[*·×]|\.(?=\D)|-(?=[a-zA-Zµ]))"
-    r"|(?P<unit>g['’]s|[a-zA-Zµ°\"_’]+0?(?![a-zA-Z])|1(?!\d))(?P<power>(?:\^|\*\*)?\s*[-+]?\d+|(?:\^|\*\*)\([-+]?\d+\))?)"
+    r"|(?P<unit>[gG]['’][sS]|[a-zA-Zµ°\"_’]+0?(?![a-zA-Z])|1(?!\d))(?P<power>(?:\^|\*\*)?\s*[-+]?\d+|(?:\^|\*\*)\([-+]?\d+\))?)"
 )
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 EMPTY = ("", "none", "null", "n/a", "na", "-", "unknown", "no unit", "unitless", "[-]", "undefined", "general")
@@ -132,6 +133,8 @@ def meanings(text: str) -> list[UnitLabel]:
     plain = _WORDS_BEHIND.sub("", plain.replace("μ", "µ"))
     plain = re.sub(r"[\[{]([^\[\]{}]*)[\]}]", r"(\1)", plain).strip()
     plain = re.sub(r"\s*\^\s*", "^", plain)
+    # metres and seconds run together; "ms" alone is a millisecond
+    plain = re.sub(r"(?<![a-zA-Zµ])([kcmµu]?m)s\^?-([12])(?!\d)", r"\1.s^-\2", plain)
     if says_nothing(plain):
         return []
     parsed = [_Parser(plain, *way).whole() for way in ((True, False), (False, False), (True, True), (False, True))]

@@ -40,7 +40,7 @@ def test_squares_by_which_modes_are_paired_are_those_of_the_residuals(modules: d
     (state,) = at.states
     (case,), modes = p.cases, state.solution
     shapes = np.asarray(case.sensors @ modes.shapes[:, : modes.wanted])
-    pairing = modules["objective"]._LeastPairing(case, modes.eigenvalues[: modes.wanted], shapes, tuple(p.residuals))
+    pairing = modules["objective"].LeastPairing(case, modes.eigenvalues[: modes.wanted], shapes, tuple(p.residuals))
     assert {tests for tests, _ in pairing.groups()} == {tests for tests, _ in state.groups}
     np.testing.assert_allclose(pairing.best[0], at.residuals @ at.residuals, rtol=1e-9)
     assert len(at.residuals) == p.size

@@ -52,6 +52,34 @@ def test_an_inverted_sensor_is_no_exchange() -> None:
     assert not told(replace(test, shapes=shapes), bending())
 
 
+@pytest.mark.parametrize("factor", [0.0, 0.4, 2.5])
+@pytest.mark.parametrize("row", [0, 3, 7])
+def test_a_wrong_factor_of_one_channel_is_no_exchange(factor: float, row: int) -> None:
+    """A channel that is dead, or has a wrong sensitivity, is one bad row."""
+    test = bending(0.02)
+    shapes = test.shapes.copy()
+    shapes[row] *= factor
+    assert not told(replace(test, shapes=shapes), bending())
+
+
+@pytest.mark.parametrize("row", [0, 4, 9])
+def test_a_noisy_channel_is_no_exchange(row: int) -> None:
+    test = bending(0.02)
+    shapes = test.shapes.copy()
+    shapes[row] += np.random.default_rng(row).standard_normal(shapes.shape[1]) * 0.8
+    assert not told(replace(test, shapes=shapes), bending())
+
+
+@pytest.mark.parametrize("rows", [(1, 5), (2, 3), (0, 8), (7, 11)])
+def test_an_exchange_is_named_beside_an_error_of_the_model(rows: tuple[int, int]) -> None:
+    """The structure has shapes that are mixed with those of the neighbouring modes: MACs of about 0.9."""
+    test = bending(0.02)
+    mixed = replace(test, shapes=test.shapes @ (np.eye(4) + 0.35 * np.diag([1.0, -1.0, 1.0], 1)))
+    a, b = rows
+    (sentence,) = told(with_rows(mixed, {a: b, b: a}), bending())
+    assert f"{a + 1}Z+ with {b + 1}Z+" in sentence
+
+
 def test_an_error_of_the_model_is_no_exchange() -> None:
     """Shapes of a beam whose one half moves more."""
     test = bending(0.01)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,18 +54,6 @@ def _of_deck(name: str, folder: Path) -> Iterator[ConfiguredModel]:
         except FemtuneError:
             # a field without effect, or one that is zero
             continue
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Cluster]:
-    """Two workers on this machine."""
-    distributed = pytest.importorskip("distributed", reason="the extra cluster is not installed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, env={"OMP_NUM_THREADS": "1"}
-    ) as local:
-        with distributed.Client(local, set_as_default=False) as client:
-            client.run(sys.path.insert, 0, str(_ROOT))
-        yield Cluster(local.scheduler_address)
 
 
 def _check(executor: Executor, models: list[ConfiguredModel]) -> None:

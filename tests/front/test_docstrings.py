@@ -138,7 +138,7 @@ def _cited(source: str) -> list[tuple[str, str]]:
 
 
 def _is_known(who: str, year: str) -> bool:
-    registered = any(c.key.endswith(year) and who in c.text for c in citations._ALL.values())
+    registered = any(c.key.endswith(year) and who in c.text for c in citations.PUBLICATIONS.values())
     pages = (_PROJECT / "docs" / "theory").glob("*.md")
     return registered or any(re.search(rf"{who}(.|\n){{0,250}}{year}", p.read_text(encoding="utf-8")) for p in pages)
 

@@ -70,6 +70,16 @@ def test_hits_are_recognised_and_other_signals_are_not(hits: list[int], samples:
         assert not is_impulsive(TimeSeries(force[None], CHANNELS[:1], RATE))
 
 
+def test_hits_of_different_size_behind_a_steep_filter_are_recognised() -> None:
+    n, at = 5120, np.array([40, 1064, 2088, 3112, 4136])
+    for seed in range(20):
+        force = np.zeros(n)
+        force[at] = np.random.default_rng(seed).uniform(0.6, 1.4, len(at))
+        steep = np.fft.irfft(np.fft.rfft(force) * (np.fft.rfftfreq(n) < 0.42), n)
+        record = TimeSeries(steep[None], CHANNELS[:1], RATE)
+        assert is_impulsive(record)
+
+
 def test_rigid_body_modes_are_not_subtracted_beside_a_window() -> None:
     rigid = ModeSet(np.zeros(1), np.ones((1, 1)), DofSet([Dof(1, "Z")]), normalisation="mass")
     with pytest.raises(FemtuneError) as caught:

@@ -49,9 +49,11 @@ def test_the_gradient_is_that_of_the_squares(three_modes: Any) -> None:
     weights = np.ones(values.shape) / np.array([[1.0], [2.0], [0.5]])
 
     def cost(p: np.ndarray) -> float:
-        return float(np.sum(solve_residues(values, modal_basis(_LINES, p, frfs.kind), weights).squares * [1, 0.25, 4]))
+        return float(
+            np.sum(solve_residues(values, modal_basis(_LINES, p, frfs.kind), weights, len(p)).squares * [1, 0.25, 4])
+        )
 
-    gradient = solve_residues(values, modal_basis(_LINES, poles, frfs.kind), weights).gradient
+    gradient = solve_residues(values, modal_basis(_LINES, poles, frfs.kind), weights, len(poles)).gradient
     for j, move in enumerate([*1e-4 * np.eye(3), *1e-4j * np.eye(3)]):
         assert -2.0 * gradient[j] == pytest.approx((cost(poles + move) - cost(poles - move)) / 2e-4, rel=1e-5)
 

@@ -122,7 +122,7 @@ CASES: dict[str, Callable[[], object]] = {
     ),
     "derivative.close-poles": lambda: _derivative(_free(), 0),
     "derivative.pole-inaccurate": patched(
-        lambda: _derivative(_held(2, 1.0), 0), (complex_derivatives, "_residuals", _large)
+        lambda: _derivative(_held(2, 1.0), 0), (complex_derivatives, "relative_residuals", _large)
     ),
 }
 
@@ -136,8 +136,8 @@ def test_message_is_the_example_of_its_page(code: str) -> None:
 
 
 def test_message_of_an_inaccurate_complex_mode(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(complex_eigen, "_residuals", lambda *a: np.full(len(a[2]), 3e-6))
-    monkeypatch.setattr(complex_eigen, "_backward", lambda *a: 1e-8)
+    monkeypatch.setattr(complex_eigen, "energy_residuals_of", lambda *a: np.full(len(a[2]), 3e-6))
+    monkeypatch.setattr(complex_eigen, "backward_error", lambda *a: 1e-8)
     with pytest.raises(FemtuneError) as caught:
         complex_modes(_solved(_held(2, 1.0)))
     check_shown("complex.inaccurate", caught.value)

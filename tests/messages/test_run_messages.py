@@ -14,6 +14,7 @@ from tests.messages.shown import check_shown
 from femtune.cli import main
 from femtune.cli.guard import BAD_INPUT
 from femtune.errors import FemtuneError
+from femtune.files.study_file.reading import toml_text
 from femtune.steps.run_folder import check_writable, read_results
 
 
@@ -65,3 +66,25 @@ def test_a_full_disk_ends_a_command_with_a_message(tmp_path: Path, monkeypatch: 
     shown = CliRunner().invoke(main, ["modes", str(tmp_path / "beam.bdf")])
     assert shown.exit_code == BAD_INPUT
     check_shown("run.disk-full", click.unstyle(shown.output).rstrip("\n"))
+
+
+def test_a_denied_file_ends_a_command_with_a_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def denied(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), "/home/colleague/beam/springs.inc")
+
+    monkeypatch.setattr("femtune.cli.commands.run_step", denied)
+    (tmp_path / "beam.bdf").touch()
+    shown = CliRunner().invoke(main, ["modes", str(tmp_path / "beam.bdf")])
+    assert shown.exit_code == BAD_INPUT
+    check_shown("run.denied", click.unstyle(shown.output).rstrip("\n"))
+
+
+def test_a_study_in_a_folder_that_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def denied(*_: object, **__: object) -> bool:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), "study.toml")
+
+    monkeypatch.setattr(Path, "is_file", denied)
+    with pytest.raises(FemtuneError) as caught:
+        toml_text(tmp_path / "study.toml")
+    assert caught.value.code == "study.missing-file"
+    assert "Permission denied" in caught.value.what

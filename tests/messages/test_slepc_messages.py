@@ -30,10 +30,10 @@ def settings(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(exchange.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 98_000_000}))
 
 
-def _failed(folder: Path) -> None:
+def failed_run(folder: Path) -> None:
     (folder / "said.txt").write_text(_SAID.partition("\n")[2], encoding="utf-8")
     command = ["mpiexec", "-n", "2", "/usr/bin/python3", "program.py", "/tmp/femtune-slepc-1"]
-    raise launch._failed(command, 3, folder / "said.txt")
+    raise launch.failed_run(command, 3, folder / "said.txt")
 
 
 def _short(folder: Path) -> None:
@@ -54,9 +54,9 @@ def test_notice_of_a_small_model_is_the_example_of_its_page(monkeypatch: pytest.
 CASES: dict[str, Callable[[Path], object]] = {
     "slepc.not-installed": lambda folder: launch.slepc_python(),
     "slepc.launcher": lambda folder: launch.launcher(64),
-    "slepc.failed": _failed,
+    "slepc.failed": failed_run,
     "slepc.timeout": _late,
-    "slepc.files": lambda folder: exchange._check_room(Path("/scratch/femtune-slepc-1"), 412_000_000),
+    "slepc.files": lambda folder: exchange.check_room(Path("/scratch/femtune-slepc-1"), 412_000_000),
     "slepc.no-result": _short,
 }
 

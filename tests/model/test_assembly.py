@@ -159,7 +159,7 @@ def test_both_ways_to_sum_entries(monkeypatch: pytest.MonkeyPatch, passes: int) 
 
 
 def test_coefficients_are_told_apart_whatever_their_hash_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("femtune.model.terms._odd_numbers", lambda count: np.zeros(count, np.uint64))
+    monkeypatch.setattr("femtune.model.terms.odd_numbers", lambda count: np.zeros(count, np.uint64))
     point = model(shells("union"), **THREE)
     exact = slowly(point, "stiffness")
     np.testing.assert_allclose(point.stiffness.toarray(), exact, atol=1e-13 * np.abs(exact).max())
@@ -170,7 +170,7 @@ def test_terms_that_are_released_are_compiled_again(monkeypatch: pytest.MonkeyPa
     """A large model gives them back before its modes are solved; weighing it takes those of the mass alone."""
     first = model(shells("union"), **THREE)
     whole, before, weighed = first.configured.model, first.stiffness, mass_response(first)
-    monkeypatch.setattr("femtune.model.eigen.solution._ONE_FACTOR_FROM", 0)
+    monkeypatch.setattr("femtune.model.eigen.solution.ONE_FACTOR_FROM", 0)
     solve_modes(first, 3)
     compiled: list[Structure] = []
 

@@ -16,7 +16,7 @@ from femtune.model.linear.dense_products import in_any_order
 def test_products_in_any_order(
     order: tuple[str, str], shape: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dense_products, "_LIBRARY_FROM", 1)
+    monkeypatch.setattr(dense_products, "LIBRARY_FROM", 1)
     rng, (a, b, c) = np.random.default_rng(1), shape
     A, B = (np.asarray(rng.standard_normal(s), order=o) for s, o in zip(((a, b), (b, c)), order))
     exact = np.einsum("ij,jk->ik", A, B)

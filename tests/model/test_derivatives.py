@@ -137,7 +137,7 @@ def test_a_shift_among_the_modes_serves_as_well(
     """The factors of the Sturm count are indefinite; both ways need them on the complement of the modes only."""
     solution, rows = frame
     exact = {j: exact_derivative(solution, [j], rows) for j in (6, 15)}
-    monkeypatch.setattr(derivatives, "_STURM_FACTOR_FROM", 0)
+    monkeypatch.setattr(derivatives, "STURM_FACTOR_FROM", 0)
     again = replace(solution)
     shift, factor = deflated_factor(again)
     assert shift == solution.sturm_shift > solution.eigenvalues[WANTED - 1]
@@ -230,10 +230,10 @@ def test_many_rows_and_modes_at_the_end_are_exact(frame: tuple[EigenSolution, sp
 def test_nothing_is_kept_of_a_solution_that_is_gone(frame: tuple[EigenSolution, sp.csr_array]) -> None:
     solution = replace(frame[0])
     sensor_derivatives(solution, frame[1], 1e-2)
-    before = len(dual_derivatives._KEPT)
+    before = len(dual_derivatives.KEPT_DERIVATIVES)
     del solution
     gc.collect()
-    assert len(dual_derivatives._KEPT) == before - 1
+    assert len(dual_derivatives.KEPT_DERIVATIVES) == before - 1
 
 
 def square_plate() -> ConfiguredModel:
@@ -269,11 +269,11 @@ def test_a_stream_of_thicknesses_and_moduli_is_the_whole_field(plate: EigenSolut
 
 def test_residuals_may_rise_on_their_way_down() -> None:
     """A column ends at its aim, or where it is near it and rises for good; single rises are no end."""
-    progress = derivatives._Progress(np.array([1.0]), 1e-13)
-    near = derivatives._ENOUGH**2
+    progress = derivatives.SeriesProgress(np.array([1.0]), 1e-13)
+    near = derivatives.ENOUGH**2
     for energy, done in ((0.3, False), (1.5, False), (0.5 * near, False), (3.0 * near, False), (1e-26, True)):
         assert progress.is_done(np.array([energy])) == done
-    rising = derivatives._Progress(np.array([1.0]), 1e-13)
+    rising = derivatives.SeriesProgress(np.array([1.0]), 1e-13)
     assert [rising.is_done(np.array([e])) for e in (0.5 * near, 49.0 * near, 51.0 * near)] == [False, False, True]
 
 
@@ -369,7 +369,7 @@ def test_where_the_dual_way_does_not_get_there_the_exact_one_does(
     """One block of one sensor is a poor space."""
     solution = chain(300, {"a": range(1, 40), "m": [1004]})
     rows = sensor_rows(solution.point.configured, [150])
-    monkeypatch.setattr(dual_derivatives, "_MOST_BLOCKS", 1)
+    monkeypatch.setattr(dual_derivatives, "MOST_BLOCKS", 1)
     assert sensor_derivatives(solution, rows).error.max() > 1e-4
     assert subspace_derivative(solution, [2], rows).error == 0.0
 

@@ -238,7 +238,7 @@ def skip_one(original):
 @pytest.mark.slow
 def test_a_missed_mode_is_caught(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(eigenpairs, "iterative", skip_one(eigenpairs.iterative))
-    monkeypatch.setattr(eigen_module, "_MOST_EXTRA", 50)
+    monkeypatch.setattr(eigen_module, "MOST_EXTRA", 50)
     with pytest.raises(FemtuneError) as caught:
         solve_modes(chain(500), 5)
     assert caught.value.code == "eigen.missed-modes"
@@ -272,8 +272,8 @@ def test_inaccurate_modes_are_refused(monkeypatch: pytest.MonkeyPatch):
 
 def test_an_iteration_that_does_not_converge(monkeypatch: pytest.MonkeyPatch):
     """A basis with room for little more than the modes, and no patience."""
-    monkeypatch.setattr(krylov, "_most", lambda operator, count, block: count + 2 * block)
-    monkeypatch.setattr(krylov, "_MOST_RESTARTS", 1)
+    monkeypatch.setattr(krylov, "most_columns", lambda operator, count, block: count + 2 * block)
+    monkeypatch.setattr(krylov, "MOST_RESTARTS", 1)
     with pytest.raises(FemtuneError) as caught:
         solve_modes(chain(500), 10)
     assert caught.value.code == "eigen.no-convergence"

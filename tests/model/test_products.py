@@ -36,8 +36,8 @@ def test_projections_add_up_to_the_projected_matrix(point: ModelPoint, kind: str
 
 @pytest.mark.parametrize("same", [True, False])
 def test_projections_on_more_vectors_than_are_multiplied_at_a_time(point: ModelPoint, same: bool) -> None:
-    left = _vectors(point, 2 * products._COLUMNS_AT_ONCE + 5, 6)
-    right = left if same else _vectors(point, products._COLUMNS_AT_ONCE + 3, 7)
+    left = _vectors(point, 2 * products.COLUMNS_AT_ONCE + 5, 6)
+    right = left if same else _vectors(point, products.COLUMNS_AT_ONCE + 3, 7)
     total = np.zeros((left.shape[1], right.shape[1]))
     for at, sandwich in projections(point.configured, "stiffness", left, right).items():
         c = point.coefficients[at]

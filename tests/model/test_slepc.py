@@ -219,7 +219,7 @@ def test_processes_that_never_end_are_ended_with_their_children(
 def test_a_launcher_that_talks_without_end_does_not_fill_the_disk(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(processes, "_MOST_OUTPUT_BYTES", 1 << 20)
+    monkeypatch.setattr(processes, "MOST_OUTPUT_BYTES", 1 << 20)
     talk = "import time\nwhile True: print('y' * 9999, flush=True); time.sleep(1e-3)"
     with pytest.raises(FemtuneError, match="wrote more than 1 MiB") as caught:
         processes.run_to_end([sys.executable, "-c", talk], dict(os.environ), tmp_path / "said.txt")

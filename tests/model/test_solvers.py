@@ -58,7 +58,7 @@ def test_many_factors_of_one_analysis_live_side_by_side(solver: str) -> None:
 @with_pardiso
 def test_a_pattern_is_analysed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     phases = []
-    run = pardiso._Handle.run
+    run = pardiso.PardisoHandle.run
 
     def watched(handle, phase, *given):
         # an older pattern may be released meanwhile
@@ -66,7 +66,7 @@ def test_a_pattern_is_analysed_once(monkeypatch: pytest.MonkeyPatch) -> None:
             phases.append(phase)
         return run(handle, phase, *given)
 
-    monkeypatch.setattr(pardiso._Handle, "run", watched)
+    monkeypatch.setattr(pardiso.PardisoHandle, "run", watched)
     first, second = factorise(net(23), "PARDISO"), factorise(net(23, 0.5), "PARDISO")
     assert analyse(net(23), "pardiso") is analyse(net(23), "PARDISO")
     assert phases == [11, 22, 22]
@@ -171,7 +171,7 @@ def test_memory_for_the_ordering_is_asked_too(monkeypatch: pytest.MonkeyPatch) -
 def test_the_rough_forecast_is_below_what_superlu_takes(size: int) -> None:
     """Entries of L and U at twelve bytes, of a surface, and at most five times the forecast."""
     analysis = analyse(net(size), "SuperLU")
-    taken = 12 * analysis.factorise(net(size))._lu.nnz  # type: ignore[attr-defined]
+    taken = 12 * analysis.factorise(net(size)).factors.nnz  # type: ignore[attr-defined]
     assert analysis.factor_bytes is not None
     assert 0.2 < analysis.factor_bytes / taken < 1.5
 
@@ -225,7 +225,7 @@ def test_cholmod_gives_indefinite_and_complex_matrices_to_another(monkeypatch: p
     )
     monkeypatch.setattr(cholmod, "library", lambda: wrapper)
     monkeypatch.setattr(choice, "available_solvers", lambda: ("CHOLMOD", "SuperLU"))
-    monkeypatch.setattr(choice, "_KEPT", type(choice._KEPT)())
+    monkeypatch.setattr(choice, "KEPT_ANALYSES", type(choice.KEPT_ANALYSES)())
     definite, indefinite = factorise(net(9), "CHOLMOD"), factorise(net(9, 2.1), "CHOLMOD")
     assert (definite.name, definite.negative_pivots) == ("CHOLMOD", 0)
     assert (indefinite.name, indefinite.negative_pivots) == ("SuperLU", (values(9) < 2.1).sum())

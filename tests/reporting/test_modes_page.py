@@ -178,7 +178,7 @@ def test_absent_data_are_said(data: dict[str, Any], section: str) -> None:
 
 
 def test_too_many_pictures_are_counted(plate: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mode_shapes, "_MOST_PICTURES", 9)
+    monkeypatch.setattr(mode_shapes, "MOST_PICTURES", 9)
     page = _page(plate)
     assert len(_figures(page)) == 1
     assert "5 more modes are not drawn" in _said(page, "pictures")

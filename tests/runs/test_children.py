@@ -16,7 +16,7 @@ from tests.runs.fake import fake_solver
 
 from femtune.executor import Threads
 from femtune.runs import evaluate
-from femtune.runs.process import RunInterruptedError, begun, end_all, run_process, start_of
+from femtune.runs.process import RunInterruptedError, begun, end_all, end_marked, run_process, start_of
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are found in /proc")
 
@@ -50,6 +50,24 @@ def test_a_process_in_a_session_of_its_own_ends_with_the_run(tmp_path: Path) -> 
     )
     assert run_process((sys.executable, "-c", script), tmp_path, 30.0, {}, begun()) == 0
     assert start_of(int((tmp_path / "pid").read_text())) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="processes are found in /proc")
+def test_a_process_that_takes_its_time_to_go_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kill, begin = os.kill, time.monotonic()
+    marked = {**os.environ, "FEMTUNE_RUN": str(tmp_path.resolve())}
+    process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], env=marked)
+
+    def late(pid: int, number: int) -> None:
+        # as on a busy machine
+        if time.monotonic() - begin > 2.0:
+            kill(pid, number)
+
+    time.sleep(0.1)
+    monkeypatch.setattr(os, "kill", late)
+    assert end_marked(tmp_path)
+    assert process.wait(10.0) == -signal.SIGKILL
 
 
 @pytest.mark.slow

@@ -89,10 +89,10 @@ def test_a_damaged_row_is_run_again(tmp_path: Path, change: str) -> None:
 @pytest.mark.slow
 def test_a_full_disk_stops_the_journal_and_not_the_runs(tmp_path: Path) -> None:
     journal = open_run_journal(tmp_path)
-    assert journal._database is not None
-    pages = journal._database.execute("PRAGMA page_count").fetchone()[0]
+    assert journal.database is not None
+    pages = journal.database.execute("PRAGMA page_count").fetchone()[0]
     # SQLite reports this as it reports a disk that is full
-    journal._database.execute(f"PRAGMA max_page_count = {pages}")
+    journal.database.execute(f"PRAGMA max_page_count = {pages}")
     points = [{"k1": 4.0 + i, "k2": 9.0, "point": i} for i in range(25)]
     found = evaluate(fake_solver(tmp_path), points, Threads(2), journal)
     assert (found.failed, found.started) == ((), 25)

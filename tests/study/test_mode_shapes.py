@@ -80,7 +80,7 @@ def test_motion_is_in_basic_axes_whatever_the_displacement_frames(tmp_path: Path
 def test_strain_energy_is_that_of_each_line_and_of_the_spring_that_is_no_line(tmp_path: Path) -> None:
     configured = _portal(tmp_path)
     solution, mesh = solve_modes(configured.at(np.zeros(0)), 3), record_shapes.drawn_mesh(configured)
-    found = record_shapes._energies(configured, solution, mesh)
+    found = record_shapes.element_shares(configured, solution, mesh)
     shares = energy_map(solution)
     strain = {name: 100.0 * row for name, row in zip(shares.groups, shares.strain)}
     for element, ends in (("1", (0, 2)), ("2", (1, 3))):

@@ -176,9 +176,9 @@ def test_pairs_that_do_not_stay_are_told(monkeypatch: pytest.MonkeyPatch, fails:
             raise FemtuneError("correlate.no-damping", test="the test")
         return SimpleNamespace(result=end, reduced=None)
 
-    monkeypatch.setattr(raw, "_round", another)
-    monkeypatch.setattr(raw, "_asked", lambda study: True)
-    monkeypatch.setattr(raw, "_settled", lambda study, found: False)
+    monkeypatch.setattr(raw, "another_round", another)
+    monkeypatch.setattr(raw, "is_asked", lambda study: True)
+    monkeypatch.setattr(raw, "is_settled", lambda study, found: False)
     file = SimpleNamespace(equalise=SimpleNamespace(then="raw"), stage=())
     asked = SimpleNamespace(file=file, source=SimpleNamespace(needs_runs=False))
     found, told = raw.then_raw(asked, end, None, None)  # type: ignore[arg-type]

@@ -216,7 +216,7 @@ def test_an_array_of_objects_is_refused(tmp_path: Path) -> None:
 
 
 def test_arrays_that_unpack_to_more_than_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("femtune.steps.run_folder._MOST_ARRAY_BYTES", 1000)
+    monkeypatch.setattr("femtune.steps.run_folder.MOST_ARRAY_BYTES", 1000)
     folder = tmp_path / "run"
     write_results(folder, _results(), _ARRAYS)
     with zipfile.ZipFile(folder / "arrays.npz", "w", zipfile.ZIP_DEFLATED) as archive:

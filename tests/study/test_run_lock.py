@@ -125,7 +125,7 @@ def test_a_disk_without_locks_goes_by_the_process(tmp_path: Path, monkeypatch: p
     def none(handle: int) -> bool:
         raise OSError(95, "Operation not supported")
 
-    monkeypatch.setattr(run_lock, "_try_lock", none)
+    monkeypatch.setattr(run_lock, "try_lock", none)
     signed(tmp_path, pid=str(os.getpid()))
     assert code(tmp_path) == "run.locked"
     for pid in ("999999999", "9" * 40, "none"):

@@ -89,8 +89,8 @@ def test_a_journal_that_another_program_holds_is_waited_for(
     """It is neither called damaged nor moved away, and no solver is started without it."""
     ft.modes(study)
     before = started(study)
-    monkeypatch.setattr(journal_runs, "_QUIET_WAIT_S", 0.05)
-    monkeypatch.setattr(journal_runs, "_LONGEST_WAIT_S", 0.2 if held else 20.0)
+    monkeypatch.setattr(journal_runs, "QUIET_WAIT_S", 0.05)
+    monkeypatch.setattr(journal_runs, "LONGEST_WAIT_S", 0.2 if held else 20.0)
     place = study.parent / "run" / "journal" / "runs.sqlite"
     with closing(sqlite3.connect(place, isolation_level=None, check_same_thread=False)) as other:
         other.execute("BEGIN EXCLUSIVE")
@@ -112,7 +112,7 @@ def test_a_journal_that_another_program_holds_is_waited_for(
 def test_outcomes_wait_while_another_program_holds_the_journal(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ft.modes(study)
     first = runs_of(study)
-    monkeypatch.setattr(journal_runs, "_QUIET_WAIT_S", 0.05)
+    monkeypatch.setattr(journal_runs, "QUIET_WAIT_S", 0.05)
     place = study.parent / "run"
     journal = journal_runs.open_run_journal(place)
     outcome = journal.recall(first[0])

@@ -84,7 +84,7 @@ def test_prediction_and_its_variance_are_those_of_the_conditional_normal() -> No
     surrogate = _fitted(trend="linear")
     fit = surrogate.fits[0]
     y = (surrogate.y[:, 0] - surrogate.centre[0]) / surrogate.scale[0]
-    every = surrogate._unit(np.vstack([_X, _NEW]))
+    every = surrogate.in_unit_cube(np.vstack([_X, _NEW]))
     kernel = CORRELATIONS["gaussian"].load().value(np.sum(((every[:, None] - every) / fit.lengths) ** 2, axis=2))
     F = terms(every, "linear")
     covariance = fit.variance * (kernel + fit.noise * np.eye(len(every))) + 1e5 * F @ F.T

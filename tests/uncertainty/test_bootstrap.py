@@ -93,7 +93,7 @@ def test_a_run_is_the_optimum_of_its_data(method: Drawing, form: str) -> None:
     bootstrap = work(method, form)
     start = bootstrap.at
     for number in range(2):
-        root, added = bootstrap._data(number)
+        root, added = bootstrap.drawn_data(number)
 
         def residuals(x: np.ndarray, root: np.ndarray = root, added: np.ndarray = added) -> np.ndarray:
             return np.asarray(root * (bootstrap.problem.follow(x, start, False).residuals + added))

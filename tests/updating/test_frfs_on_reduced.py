@@ -134,7 +134,9 @@ def test_models_are_not_compared_with_themselves(problem: UpdateProblem, monkeyp
     solutions = search.solutions(problem.solved(x))
     kept = search.enriched(x, solutions)
     usual = search.agreement(x, solutions, kept).functions
-    monkeypatch.setattr(on_reduced_model, "_finer", lambda trainer, _: on_reduced_model._keeping(trainer, 1e9, 1e9))
+    monkeypatch.setattr(
+        on_reduced_model, "finer_trainer", lambda trainer, _: on_reduced_model.with_thresholds(trainer, 1e9, 1e9)
+    )
     whole = search.enriched(x, solutions)
     assert whole[0].model.order > kept[0].model.order > search.trained[0].model.order
     found = search.agreement(x, solutions, whole).functions
@@ -174,7 +176,7 @@ def test_the_start_of_a_large_model_is_on_the_basis_of_its_training(
     search = train(problem, RULES, at, NOBODY)
     assert search.trained[0].certified[0].order == known.order
     # direct solutions of a large model take too long, which is said
-    monkeypatch.setattr(truncation, "_MOST_DOFS", 10)
+    monkeypatch.setattr(truncation, "MOST_DOFS", 10)
     (found,) = truncations(states[0])
     assert (found.order, found.large, len(found.lines_hz)) == (known.order, 60, 0)
 

@@ -222,7 +222,7 @@ def test_pairing_cycles(monkeypatch: pytest.MonkeyPatch):
 
     problem = problem_of(noisy(simulated_case(chain(), TRUTH, range(4), 4), 0.05, 0.1, 4))  # type: ignore[arg-type]
     monkeypatch.setattr(UpdateProblem, "pair_again", swaps)
-    monkeypatch.setattr(method_module, "_MANY_PAIRING_CHANGES", 0)
+    monkeypatch.setattr(method_module, "MANY_PAIRING_CHANGES", 0)
     result = update(problem)
     assert result.status is Status.PAIRING_CYCLES
     assert "test mode 4 with model mode 4 before, without partner now" in result.events[0]

@@ -294,12 +294,8 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
     except click.Abort:
         raise
     except Exception as fault:
-        if isinstance(fault, BrokenPipeError):
-            _forget_output()
-            _end(ctx, CUT_OFF)
-        if isinstance(fault, OSError) and fault.errno in _NO_SPACE:
-            _forget_output()
-            _refused(ctx, _disk_full(fault))
+        if isinstance(fault, OSError):
+            _failed_by_system(ctx, fault)
         _crashed(ctx, fault)
 
 
@@ -327,6 +323,23 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def _disk_full(fault: OSError) -> FemtuneError:
     where = "a file" if fault.filename is None else str(fault.filename)
     return FemtuneError("run.disk-full", file=where, reason=fault.strerror)
+
+
+def _failed_by_system(ctx: click.Context, fault: OSError) -> None:
+    """End the command where the system, and not femtune, is the cause."""
+    if isinstance(fault, BrokenPipeError):
+        _forget_output()
+        _end(ctx, CUT_OFF)
+    if fault.errno in _NO_SPACE:
+        _forget_output()
+        _refused(ctx, _disk_full(fault))
+    if isinstance(fault, PermissionError):
+        _refused(ctx, _denied(fault))
+
+
+def _denied(fault: PermissionError) -> FemtuneError:
+    where = "a file" if fault.filename is None else str(fault.filename)
+    return FemtuneError("run.denied", file=where, reason=fault.strerror)
 
 
 def _out_of_memory(short: MemoryError) -> FemtuneError:

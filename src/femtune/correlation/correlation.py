@@ -137,24 +137,34 @@ def correlate(
     psi, phi = paired_shapes(test, model, pairing)
     seen = np.where(visible_modes(model), model.shapes, 0.0)
     cross, self_ = _orthogonality(psi, phi, mass, pairing)
+    orthogonality_sd, self_sd = _orthogonality_sd(
+        test, psi, phi, mass if not isinstance(cross, NotTested) else None, pairing
+    )
     return Correlation(
-        test,
-        model,
-        mac_where_defined(test.shapes, seen),
-        mac_where_defined(test.shapes, test.shapes),
-        mac_where_defined(seen, seen),
-        pairing,
-        mac_where_defined(psi, phi),
-        np.array([pair.frequency_error for pair in pairing.pairs]),
-        _comac(psi, phi),
-        _enhanced_comac(psi, phi),
-        mac_without_each(psi, phi),
-        cross,
-        self_,
-        mass.dropped if isinstance(mass, ReducedMass) and not isinstance(cross, NotTested) else (),
-        _noise(test, pairing),
-        (*pairing.notices, *unit_factor(test, model, pairing), *_doubtful_sensors(test, model, pairing, psi, phi)),
-        *_orthogonality_sd(test, psi, phi, mass if not isinstance(cross, NotTested) else None, pairing),
+        test=test,
+        model=model,
+        mac=mac_where_defined(test.shapes, seen),
+        auto_mac_test=mac_where_defined(test.shapes, test.shapes),
+        auto_mac_model=mac_where_defined(seen, seen),
+        pairing=pairing,
+        paired_mac=mac_where_defined(psi, phi),
+        frequency_errors=np.array([pair.frequency_error for pair in pairing.pairs]),
+        comac=_comac(psi, phi),
+        enhanced_comac=_enhanced_comac(psi, phi),
+        mac_without=mac_without_each(psi, phi),
+        cross_orthogonality=cross,
+        self_orthogonality=self_,
+        orthogonality_dropped=mass.dropped
+        if isinstance(mass, ReducedMass) and not isinstance(cross, NotTested)
+        else (),
+        noise=_noise(test, pairing),
+        notices=(
+            *pairing.notices,
+            *unit_factor(test, model, pairing),
+            *_doubtful_sensors(test, model, pairing, psi, phi),
+        ),
+        orthogonality_sd=orthogonality_sd,
+        self_sd=self_sd,
     )
 
 
@@ -193,9 +203,7 @@ def _doubtful_sensors(test: ModeSet, model: ModeSet, pairing: Pairing, psi: NDAr
     """Sensors that move against the model in every one of several pairs, mounted or wired the other way round, and
     sensors whose channels were exchanged."""
     keep = _defined(psi, phi)
-    if keep.sum() < 2:
-        return ()
-    agreement = motion_agreement(psi[:, keep], phi[:, keep])
+    agreement = motion_agreement(psi[:, keep], phi[:, keep]) if keep.sum() >= 2 else np.zeros(len(psi))
     inverted = [int(k) for k in np.flatnonzero(np.nan_to_num(agreement) < _INVERTED)]
     labels = ", ".join(str(test.dofs[k]) for k in inverted)
     told = (Notice("correlate.sensor-inverted", pairs=keep.sum(), sensors=labels),) if inverted else ()

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.formats import RecordFormatKey
-from femtune.files.records.axes import Axis
 from femtune.files.study_file.kinds import (
     DofLabel,
     Fraction,
@@ -37,6 +36,8 @@ NodePath = Annotated[tuple[Annotated[int, Field(ge=1, le=2**31)], ...], Field(mi
 Rate = Annotated[float, Field(gt=0, le=1e9)]
 RecordName = Annotated[Text, NamesFile("record")]
 FrfsName = Annotated[Text, NamesFile("file of FRFs")]
+Axis = Literal["frequency", "response", "reference", "function", "part"]
+"""Axes of an array of FRFs."""
 
 
 class IdentifyTable(TomlTable):

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from femtune.arrays import Flags, Reals
 from femtune.errors import FemtuneError, Notice
@@ -22,9 +23,10 @@ MOST_SAMPLES = 0.02
 and bursts as much as they last."""
 LEAST_ENERGY = 0.3
 """Part of the energy of the force above its noise that these samples have at least."""
-MOST_BELOW = 3.0
-"""Samples beyond half of that level, relative to those beyond it. A pulse has 1.3, and 2.5 after a steep anti-aliasing
-filter; heavy-tailed random forces have 4 or more, and a random force with spikes has all those beyond its 3 σ."""
+MOST_ELSEWHERE = 0.5
+"""Samples beyond half of that level that are not beside a hit, relative to those beyond it. Around a hit a steep
+anti-aliasing filter rings, more often beyond the level after a hard hit than after a soft one. Heavy-tailed random
+forces have them everywhere, and a random force with spikes has all those beyond its 3 σ."""
 DOUBLE = 0.2
 """Part of the longest time from one hit to the next; hits that follow sooner are bounces of the hammer."""
 FLAT = 3
@@ -51,7 +53,8 @@ def is_impulsive(record: TimeSeries) -> bool:
     """Whether the force of a record is that of a hammer: a few samples with most of its energy."""
     force = _force(record)
     at = _beyond(force)
-    few = 0 < at.sum() <= MOST_SAMPLES * len(force) and _beyond(force, 0.5 * LEVEL).sum() <= MOST_BELOW * at.sum()
+    elsewhere = _beyond(force, 0.5 * LEVEL) & ~binary_dilation(at, iterations=_BEFORE)
+    few = 0 < at.sum() <= MOST_SAMPLES * len(force) and elsewhere.sum() <= MOST_ELSEWHERE * at.sum()
     # in a long record with one hit the noise of the force has more energy than the hit
     noise = np.median(np.abs(force)) / _MEDIAN_OF_NORMAL
     energy = float(np.sum(force**2)) - len(force) * float(noise) ** 2

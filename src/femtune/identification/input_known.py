@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Complexes
 from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.identification.choice import (
     CHOSEN_BY_USER,
@@ -26,7 +27,7 @@ from femtune.identification.join import FitQuality, complete_lines, fit_quality,
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.late_channels import late_notices
 from femtune.identification.modal_fit import ModalFit
-from femtune.identification.modal_solve import OUT_OF_BAND
+from femtune.identification.modal_solve import OUT_OF_BAND, modal_basis
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
 from femtune.identification.near_band import fit_with_neighbours
@@ -43,6 +44,7 @@ from femtune.identification.shapes import (
 )
 from femtune.identification.significance import without_poles_of_noise
 from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
+from femtune.identification.whole_record import WholeRecord, binned
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 from femtune.modal.frf_set import KINDS
 
@@ -137,12 +139,15 @@ class NoModesChosen(FemtuneError):  # noqa: N818
         self.table, self.candidates, self.measured = table, candidates, measured
 
 
-def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None = None) -> IdentifiedModes:
+def identify_frfs(
+    frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None = None, whole: WholeRecord | None = None
+) -> IdentifiedModes:
     """Poles of all orders by every method, modes among them, their fit, and the system.
 
     Parameters
     ----------
     sd : (n, u, k) standard deviations of the functions, as an estimate of functions gives them, or None
+    whole : the record whose functions these are; its lines are fitted at the end, in place of the functions
 
     Raises
     ------
@@ -152,7 +157,7 @@ def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | Non
     """
     told = check_frfs(frfs)
     with with_notices(told):
-        identified = _identified(_without_dead(frfs), asked, sd)
+        identified = _identified(_without_dead(frfs), asked, sd, whole)
     return replace(identified, notices=(*told, *identified.notices))
 
 
@@ -161,7 +166,9 @@ def _without_dead(frfs: FrfSet) -> FrfSet:
     return replace(frfs, values=np.where(dead_responses(frfs)[:, None, None], 0.0, frfs.values))
 
 
-def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None) -> IdentifiedModes:
+def _identified(
+    frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None, of_record: WholeRecord | None
+) -> IdentifiedModes:
     whole, errors = _used(frfs, asked, sd)
     elastic = whole if asked.rigid is None else without_rigid_body(whole, asked.rigid)
     shift = 0.0 if asked.exponential_s is None else 1.0 / asked.exponential_s
@@ -177,7 +184,12 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
     chosen = np.flatnonzero([c.chosen for c in candidates])
     if not len(chosen):
         raise NoModesChosen("identify.no-poles", _moved_table(table, shift), candidates, whole)
-    fit = fit_with_neighbours(elastic, chosen_poles(candidates, table).poles, errors, terms_outside(asked))
+    start, terms = chosen_poles(candidates, table).poles, terms_outside(asked)
+    fit = (
+        fit_with_neighbours(elastic, start, errors, terms)
+        if of_record is None
+        else _of_whole_record(elastic, start, of_record if asked.band_hz is None else of_record.inside(*band), terms)
+    )
     of_system = _system(motion, fit, band, asked)
     if shift:
         fit, of_system = replace(fit, poles=fit.poles + shift), _moved_system(of_system, shift)
@@ -204,11 +216,27 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
         fit=fit,
         system_fit=of_system,
         quality=quality,
-        measured=whole,
+        measured=whole if of_record is None else fit.measured,
         notices=notices,
         remarks=remarks,
         clusters=clusters,
     )
+
+
+def _of_whole_record(frfs: FrfSet, start: Complexes, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
+    """The fit to all lines of a record, shown beside its functions.
+
+    Means over lines would blur sharp peaks. The functions are shown as the model with the mean of what it leaves.
+    """
+    fit = fit_with_neighbours(whole.frfs, start, None, terms, whole)
+    columns = modal_basis(frfs.freq_hz, fit.poles, frfs.kind, terms).columns
+    residues = fit.residues[:, 0]
+    model = (np.hstack([residues.real, residues.imag, fit.terms[:, 0]]) @ columns.T)[:, None]
+    synthesised = replace(fit.synthesised, freq_hz=frfs.freq_hz, values=model)
+    if whole.width and fit.ends is not None:
+        left = binned(whole.without(fit.ends + fit.synthesised.values[:, 0]))[0]
+        frfs = replace(frfs, values=model + left.values)
+    return replace(fit, measured=frfs, synthesised=synthesised)
 
 
 def _without_window(frfs: FrfSet, shift: float) -> FrfSet:

@@ -21,13 +21,16 @@ from scipy.special import chdtri
 from femtune.arrays import Complexes, Flags, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.join import complete_lines
-from femtune.identification.modal_solve import OUT_OF_BAND, Solved, modal_basis, solve_residues
+from femtune.identification.modal_solve import OUT_OF_BAND, Solved, modal_basis, solve_residues, with_transients
+from femtune.identification.whole_record import WholeRecord
 from femtune.modal import FrfSet
 
 MOST_STEPS = 30
 """Gauss-Newton steps of a fit at most."""
 SMALL = 1e-9
 """Steps of all poles below this fraction of their modulus end the iteration."""
+SMALL_GAIN = 1e-4
+"""Decrease of χ² of a whole record that ends the iteration: the poles are within a hundredth of their errors."""
 NO_POLES: Complexes = np.zeros(0, complex)
 
 
@@ -55,6 +58,7 @@ class ModalFit:
     begun_at : (m,) position in `start` of the pole from which each mode was fitted; −1 for `neighbours`
     left : (m,) modes that ended too far from where they began to be the same
     deviance : −2 log likelihood, but for a constant: χ² where standard deviations were given
+    ends : (n, k) of a whole record, what the transients of its ends add to the functions
     """
 
     poles: Complexes
@@ -73,6 +77,7 @@ class ModalFit:
     begun_at: Integers
     left: Flags
     deviance: float
+    ends: Complexes | None = None
 
     @property
     def outside(self) -> Flags:
@@ -92,6 +97,7 @@ def fit_modes(
     terms: tuple[str, ...] = OUT_OF_BAND,
     most_steps: int = MOST_STEPS,
     neighbours: Complexes = NO_POLES,
+    whole: WholeRecord | None = None,
 ) -> ModalFit:
     """Refine poles on all functions.
 
@@ -103,6 +109,8 @@ def fit_modes(
     terms : real terms for what lies outside of the band, out of ``"lower"``, ``"upper"``
     most_steps : 0 keeps the poles, and fits residues only
     neighbours : further poles, of modes outside the band
+    whole : the record of which `frfs` are the lines, in place of `sd`: its transients are fitted too, and the noise of
+        each response is what the fit leaves
 
     Raises
     ------
@@ -112,7 +120,7 @@ def fit_modes(
     poles = np.append(np.asarray(start, complex), neighbours)
     _check_start(poles, used, terms)
     kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
-    problem = _Problem(used, kept, terms)
+    problem = _Problem(used, kept, terms, whole)
     begun_at = np.append(np.arange(len(start)), np.full(len(neighbours), -1))
     fitted_poles, now, steps, converged = _iterate(problem, poles, most_steps)
     order = np.argsort(np.abs(fitted_poles))
@@ -121,12 +129,14 @@ def fit_modes(
     return _as_fit(problem, fitted_poles, now, steps, converged, begun_at)
 
 
-def deviance_at(frfs: FrfSet, poles: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> float:
+def deviance_at(
+    frfs: FrfSet, poles: Complexes, sd: Reals | None, terms: tuple[str, ...], whole: WholeRecord | None = None
+) -> float:
     """The `deviance` of a fit that keeps its poles; arguments and errors as of `fit_modes`."""
     used = complete_lines(frfs)
     _check_start(poles, used, terms)
     kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
-    return _deviance(_Problem(used, kept, terms).solve(poles), len(used.freq_hz), sd is not None)
+    return _deviance(_Problem(used, kept, terms, whole).solve(poles), len(used.freq_hz), sd is not None)
 
 
 def _check_start(poles: Complexes, frfs: FrfSet, terms: tuple[str, ...]) -> None:
@@ -145,18 +155,30 @@ class _Problem:
     frfs: FrfSet
     sd: Reals | None
     terms: tuple[str, ...]
+    whole: WholeRecord | None = None
 
     def solve(self, poles: Complexes) -> Solved:
-        values = self.frfs.values.reshape(-1, len(self.frfs.freq_hz))
+        values, freq = self.frfs.values.reshape(-1, len(self.frfs.freq_hz)), self.frfs.freq_hz
+        basis = modal_basis(freq, poles, self.frfs.kind, self.terms)
+        if self.whole is not None:
+            basis = with_transients(basis, freq, poles, self.whole.force)
+            return solve_residues(values, basis, None, len(poles), self.line)
         # a standard deviation of a complex number is √2 times that of each part
         weights = None if self.sd is None else np.sqrt(2.0) / self.sd.reshape(values.shape)
-        return solve_residues(values, modal_basis(self.frfs.freq_hz, poles, self.frfs.kind, self.terms), weights)
+        return solve_residues(values, basis, weights, len(poles))
+
+    @property
+    def line(self) -> Reals | None:
+        """(k,) weights of the lines of a whole record."""
+        return None if self.whole is None else np.abs(self.whole.force) / self.whole.colour
 
 
 def _iterate(problem: _Problem, poles: Complexes, most_steps: int) -> tuple[Complexes, Solved, int, bool]:
     now = problem.solve(poles)
     for step in range(most_steps):
         move = np.linalg.lstsq(now.normal, now.gradient, rcond=1e-13)[0]
+        if problem.whole is not None and 0.0 <= now.gradient @ move < SMALL_GAIN:
+            return poles, now, step, True
         delta = move[: len(poles)] + 1j * move[len(poles) :]
         poles, now, length = _shortened(problem, poles, delta, now)
         if length * np.max(np.abs(delta) / np.abs(poles)) < SMALL:
@@ -185,10 +207,17 @@ def _as_fit(
     misfit = _misfit(now, k, m) if problem.sd is not None else np.nan
     raised = max(misfit, 1.0) if np.isfinite(misfit) else 1.0
     spread = _spread(now.shares, n * u)
-    columns = modal_basis(frfs.freq_hz, poles, frfs.kind, problem.terms).columns
-    values = (now.coefficients @ columns.T).reshape(n, u, k)
-    c = now.coefficients
+    basis, c = modal_basis(frfs.freq_hz, poles, frfs.kind, problem.terms), now.coefficients
+    ends = None
+    if problem.whole is not None:
+        everything = c @ with_transients(basis, frfs.freq_hz, poles, problem.whole.force).columns.T
+        # without the residues and the terms of the transients
+        c = np.hstack([c[:, : 2 * m], c[:, 4 * m : 4 * m + len(problem.terms)]])
+        ends = everything - c @ basis.columns.T
+    values = (c @ basis.columns.T).reshape(n, u, k)
     square = 2.0 * now.variance.reshape(n, u) if problem.sd is None else np.mean(problem.sd**2, axis=2)
+    if problem.line is not None:
+        square = square * np.mean(problem.line**-2.0)
     return ModalFit(
         poles,
         (c[:, :m] + 1j * c[:, m : 2 * m]).reshape(n, u, m),
@@ -206,6 +235,7 @@ def _as_fit(
         begun_at,
         np.zeros(m, bool),
         _deviance(now, k, problem.sd is not None),
+        ends,
     )
 
 

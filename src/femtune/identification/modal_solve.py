@@ -27,12 +27,29 @@ class PartialFractions:
 
     Parameters
     ----------
-    columns : (k, 2m + terms) complex; those of Re R of every pole, then those of Im R, then the terms
-    slopes : (k, 4m) derivatives by Re λ of the columns of Re R and of Im R, then those by Im λ
+    columns : (k, 2pm + terms) complex; those of Re R of every pole, then those of Im R, then the terms. With
+        `transients` (p = 2) those of the residues of the transients follow Im R
+    slopes : (k, 4pm) derivatives by Re λ of the columns of every residue, then those by Im λ
     """
 
     columns: NDArray
     slopes: NDArray
+
+
+def with_transients(basis: PartialFractions, freq_hz: Reals, poles: Complexes, force: Complexes) -> PartialFractions:
+    """The columns of H + T/U for the transform U of a force, where T is what the ends of a record leave out.
+
+    T has a residue of its own of each pole; two complex terms stand for poles outside of the band.
+    """
+    m = len(poles)
+    own = modal_basis(freq_hz, poles, KINDS[0], ())
+    divided, slopes = own.columns / force[:, None], own.slopes / force[:, None]
+    z = freq_hz[:, None] / freq_hz[-1]
+    ends = np.hstack([np.ones_like(z), 1j * np.ones_like(z), z, 1j * z]) / force[:, None]
+    return PartialFractions(
+        np.hstack([basis.columns[:, : 2 * m], divided, basis.columns[:, 2 * m :], ends]),
+        np.hstack([basis.slopes[:, : 2 * m], slopes[:, : 2 * m], basis.slopes[:, 2 * m :], slopes[:, 2 * m :]]),
+    )
 
 
 def modal_basis(freq_hz: Reals, poles: Complexes, kind: str, terms: tuple[str, ...] = OUT_OF_BAND) -> PartialFractions:
@@ -119,7 +136,9 @@ class Solved:
         return np.asarray(sum(_shares(part, w, self._poles) for part, w in zip(self.parts, weights)))
 
 
-def solve_residues(values: Complexes, basis: PartialFractions, weights: Reals | None) -> Solved:
+def solve_residues(
+    values: Complexes, basis: PartialFractions, weights: Reals | None, poles: int, line: Reals | None = None
+) -> Solved:
     """Fit all functions.
 
     Parameters
@@ -127,16 +146,22 @@ def solve_residues(values: Complexes, basis: PartialFractions, weights: Reals | 
     values : (F, k)
     basis : of the lines
     weights : (F, k) inverses of the standard deviation of one real part, or None: one unknown level a function
+    poles : m of the basis
+    line : (k,) without `weights`, how the inverse of that standard deviation goes with the lines; constant where None
     """
+    if weights is None and line is not None:
+        part = _part(values, basis, line)
+        return _together([part], _variances(values * line, part, basis, poles), poles)
     shared = weights is None or np.allclose(weights, weights[:1] * (weights[:, :1] / weights[:1, :1]), rtol=1e-9)
     if shared:
         line = np.ones(values.shape[1]) if weights is None else weights[0]
         level = np.ones(len(values)) if weights is None else weights[:, 0] / weights[0, 0]
         parts = [_part(values, basis, line)]
-        variance = _variances(values, parts[0], basis) if weights is None else level**-2.0
-        return _together(parts, variance)
+        variance = _variances(values, parts[0], basis, poles) if weights is None else level**-2.0
+        return _together(parts, variance, poles)
     assert weights is not None
-    return _together([_part(values[[f]], basis, weights[f]) for f in range(len(values))], np.ones(len(values)))
+    parts = [_part(values[[f]], basis, weights[f]) for f in range(len(values))]
+    return _together(parts, np.ones(len(values)), poles)
 
 
 def _part(values: Complexes, basis: PartialFractions, line: Reals) -> _WeightGroup:
@@ -154,24 +179,24 @@ def _part(values: Complexes, basis: PartialFractions, line: Reals) -> _WeightGro
     return _WeightGroup((half @ coordinates).T, squares, half @ half.T, -half @ shadow, inner, across.T @ errors)
 
 
-def _variances(values: Complexes, part: _WeightGroup, basis: PartialFractions) -> Reals:
+def _variances(values: Complexes, part: _WeightGroup, basis: PartialFractions, poles: int) -> Reals:
     k, q = basis.columns.shape
-    freedom = max(2 * k - q - basis.slopes.shape[1] / (2 * len(values)), 1.0)
+    freedom = max(2 * k - q - 2 * poles / len(values), 1.0)
     least = LEAST_NOISE**2 * np.mean(np.abs(values) ** 2, axis=1)
     return np.maximum(part.squares / freedom, np.maximum(least, np.finfo(float).tiny))
 
 
-def _together(parts: Sequence[_WeightGroup], variance: Reals) -> Solved:
-    m = parts[0].inner.shape[0] // 4
+def _together(parts: Sequence[_WeightGroup], variance: Reals, m: int) -> Solved:
+    p = parts[0].inner.shape[0] // (2 * m)  # residues of a pole: real and imaginary parts
     normal, gradient = np.zeros((2, m, 2, m)), np.zeros((2, m))
     ends = np.cumsum([len(part.coefficients) for part in parts])
     for part, w in zip(parts, np.split(1.0 / variance, ends[:-1])):
-        c = part.coefficients[:, : 2 * m]
+        c = part.coefficients[:, : p * m]
         weighted = c * w[:, None]
-        product = (weighted.T @ c).reshape(2, m, 2, m)
-        normal += np.einsum("aprbqs,prqs->arbs", part.inner.reshape(2, 2, m, 2, 2, m), product)
-        slopes = part.slopes_by_errors.reshape(2, 2, m, -1)
-        gradient += np.einsum("aprf,fpr->ar", slopes, weighted.reshape(-1, 2, m))
+        product = (weighted.T @ c).reshape(p, m, p, m)
+        normal += np.einsum("aprbqs,prqs->arbs", part.inner.reshape(2, p, m, 2, p, m), product)
+        slopes = part.slopes_by_errors.reshape(2, p, m, -1)
+        gradient += np.einsum("aprf,fpr->ar", slopes, weighted.reshape(-1, p, m))
     return Solved(
         np.concatenate([part.coefficients for part in parts]),
         np.concatenate([part.squares for part in parts]),
@@ -184,10 +209,11 @@ def _together(parts: Sequence[_WeightGroup], variance: Reals) -> Solved:
 
 def _shares(part: _WeightGroup, weight: Reals, m: int) -> Reals:
     """gᵀN⁻¹g summed over the functions of a part; of a function in which the mode does not move, nothing."""
-    c = part.coefficients[:, : 2 * m].reshape(-1, 2, m)
-    inner = np.einsum("aprbqr->apbqr", part.inner.reshape(2, 2, m, 2, 2, m))
+    p = part.inner.shape[0] // (2 * m)
+    c = part.coefficients[:, : p * m].reshape(-1, p, m)
+    inner = np.einsum("aprbqr->apbqr", part.inner.reshape(2, p, m, 2, p, m))
     normal = np.einsum("apbqr,fpr,fqr->frab", inner, c, c, optimize=True)
-    gradient = np.einsum("aprf,fpr->fra", part.slopes_by_errors.reshape(2, 2, m, -1), c)
+    gradient = np.einsum("aprf,fpr->fra", part.slopes_by_errors.reshape(2, p, m, -1), c)
     steps = np.linalg.pinv(normal, hermitian=True) @ gradient[..., None]
     return np.einsum("fra,fra,f->r", gradient, steps[..., 0], weight)
 
@@ -200,7 +226,8 @@ def _blocks(own: Reals, m: int) -> Reals:
 
 def _effects(part: _WeightGroup, m: int) -> Reals:
     """(F, m, 2, 2m)."""
-    c = part.coefficients[:, : 2 * m].reshape(-1, 2, m)
-    effect = part.effect[: 2 * m].reshape(2, m, 2, 2, m)
+    p = part.inner.shape[0] // (2 * m)
+    c = part.coefficients[:, : p * m].reshape(-1, p, m)
+    effect = part.effect[: 2 * m].reshape(2, m, 2, p, m)
     every = np.einsum("xtapr,fpr->ftxar", effect, c, optimize=True)
     return every.reshape(len(c), m, 2, 2 * m)

@@ -15,6 +15,7 @@ from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Reals
 from femtune.identification.modal_fit import ModalFit, deviance_at, fit_modes
+from femtune.identification.whole_record import WholeRecord
 from femtune.modal import FrfSet, freq_and_damping, pole_of
 
 GAPS = (0.003, 0.01, 0.03, 0.1, 0.25)
@@ -27,16 +28,20 @@ _LEAST_DAMPING = 1e-3
 """Damping ratio of a trial pole beyond the band at least, where the poles of the band have next to none."""
 APART = 0.1
 """Distance of two neighbours in half bandwidths below which they are one."""
+ENOUGH_LINES = 3000
+"""Lines of a whole record by which places beyond the band are compared."""
 _FARTHEST = 2.0
 """Factor on the ends of the band within which a pole beyond it is accepted; others act as a static or mass line."""
 
 
-def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> ModalFit:
+def fit_with_neighbours(
+    frfs: FrfSet, start: Complexes, sd: Reals | None, terms: tuple[str, ...], whole: WholeRecord | None = None
+) -> ModalFit:
     """The modal fit, with up to `MOST` further modes below the band and above it, where each explains more than chance.
 
     Parameters
     ----------
-    frfs, start, sd, terms : as for `fit_modes`
+    frfs, start, sd, terms, whole : as for `fit_modes`
 
     Returns
     -------
@@ -46,8 +51,8 @@ def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms:
     ------
     FemtuneError : as `fit_modes`
     """
-    search = _Search(frfs, np.asarray(start, complex), sd, terms)
-    fit = fit_modes(frfs, start, sd, terms)
+    search = _Search(frfs, np.asarray(start, complex), sd, terms, whole)
+    fit = fit_modes(frfs, start, sd, terms, whole=whole)
     while True:
         sides = [above for above in (False, True) if _number(fit, above=above) < MOST]
         trials = [trial for above in sides if (trial := search.refined(fit, (above,))) is not None]
@@ -75,18 +80,22 @@ class _Search:
     start: Complexes
     sd: Reals | None
     terms: tuple[str, ...]
+    whole: WholeRecord | None
 
     def fit(self, inside: Complexes, neighbours: Complexes) -> ModalFit | None:
         """None if neighbours come so close to each other that their residues are not unique."""
         try:
-            return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours)
+            return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours, whole=self.whole)
         except np.linalg.LinAlgError:
             return None
 
     def _deviance(self, poles: Complexes) -> float:
         """Deviance of the fit with these poles; infinite if their residues are not unique."""
         try:
-            return deviance_at(self.frfs, poles, self.sd, self.terms)
+            if self.whole is None:
+                return deviance_at(self.frfs, poles, self.sd, self.terms)
+            some = self.whole.thinned(ENOUGH_LINES)
+            return deviance_at(some.frfs, poles, None, self.terms, some)
         except np.linalg.LinAlgError:
             return float("inf")
 

@@ -206,7 +206,7 @@ class RedrawnTest:
     def _poles(self) -> _PoleSteps:
         freq, fit = self.measured.freq_hz, self.fit
         basis = modal_basis(freq, fit.poles, self.measured.kind, self.terms)
-        solved = solve_residues(self.measured.values.reshape(-1, len(freq)), basis, None)
+        solved = solve_residues(self.measured.values.reshape(-1, len(freq)), basis, None, len(fit.poles))
         columns, slopes = real_rows(basis.columns), real_rows(basis.slopes)
         Q = qr(columns / np.linalg.norm(columns, axis=0), mode="economic", check_finite=False)[0]
         return _PoleSteps(slopes - Q @ (Q.T @ slopes), solved)

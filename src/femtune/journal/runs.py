@@ -34,9 +34,9 @@ _TABLE = (
     "freq_hz BLOB, nodes BLOB, shapes BLOB)"
 )
 """Table of the runs: the outcome of each key, and the modes of a run that succeeded."""
-_QUIET_WAIT_S = 1.0
+QUIET_WAIT_S = 1.0
 """Time in s for which another program is waited for without a word."""
-_LONGEST_WAIT_S = 30.0
+LONGEST_WAIT_S = 30.0
 """Time in s after which a program that still holds the journal is not one that soon ends."""
 _REAL = np.dtype("<f8")
 """Type of frequencies and shapes in the database, the same on all machines."""
@@ -56,22 +56,22 @@ class RunJournal:
     stopped: Notice | None = None
     _remarks: list[Notice] = field(default_factory=list)
     _waiting: dict[str, RunOutcome] = field(default_factory=dict)
-    _database: sqlite3.Connection | None = None
+    database: sqlite3.Connection | None = None
 
     def recall(self, key: str) -> RunOutcome | None:
         """The outcome of a key; None if there is none that can be used."""
         if key in self._waiting:
             return self._waiting[key]
-        if self._database is None:
+        if self.database is None:
             return None
         try:
-            row = self._database.execute(
+            row = self.database.execute(
                 "SELECT facts, freq_hz, nodes, shapes FROM runs WHERE key = ?", (key,)
             ).fetchone()
             outcome = None if row is None else _outcome(key, row)
         except _TROUBLES as error:
             if _is_locked(error):
-                raise FemtuneError("journal.locked", where=Where(str(self.path)), seconds=_LONGEST_WAIT_S) from error
+                raise FemtuneError("journal.locked", where=Where(str(self.path)), seconds=LONGEST_WAIT_S) from error
             self._remarks.append(_damaged(self.path, error))
             return None
         self.recalled[_KIND] += outcome is not None
@@ -83,19 +83,19 @@ class RunJournal:
         While another program holds the journal, outcomes wait in memory.
         """
         self.solved[_KIND] += 1
-        if self._database is None or self.stopped is not None or not outcome.lasting:
+        if self.database is None or self.stopped is not None or not outcome.lasting:
             return
         self._waiting[outcome.key] = outcome
-        self._write(_QUIET_WAIT_S)
+        self._write(QUIET_WAIT_S)
 
     def _write(self, wait_s: float) -> None:
         """Write what waits, unless another program holds the file for longer than `wait_s`."""
-        if self._database is None or not self._waiting:
+        if self.database is None or not self._waiting:
             return
-        _wait(self._database, wait_s)
+        _wait(self.database, wait_s)
         try:
-            with self._database:
-                self._database.executemany(
+            with self.database:
+                self.database.executemany(
                     "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?)", map(_row, self._waiting.values())
                 )
             self._waiting.clear()
@@ -104,23 +104,23 @@ class RunJournal:
                 self._waiting.clear()
                 self.stopped = Notice("journal.unwritable", where=Where(str(self.path)), reason=error)
         finally:
-            _wait(self._database, _LONGEST_WAIT_S)
+            _wait(self.database, LONGEST_WAIT_S)
 
     def states(self) -> dict[str, int]:
         """Number of outcomes by their state, for tables."""
-        if self._database is None:
+        if self.database is None:
             return {}
-        counts = self._database.execute("SELECT state, COUNT(*) FROM runs GROUP BY state ORDER BY state")
+        counts = self.database.execute("SELECT state, COUNT(*) FROM runs GROUP BY state ORDER BY state")
         return {str(state): int(count) for state, count in counts}
 
     def close(self) -> None:
         """Write what waits, and close the file."""
-        if self._database is not None:
-            self._write(_LONGEST_WAIT_S)
+        if self.database is not None:
+            self._write(LONGEST_WAIT_S)
             if self._waiting:
                 self.stopped = Notice("journal.unwritable", where=Where(str(self.path)), reason="it is locked")
-            self._database.close()
-            self._database = None
+            self.database.close()
+            self.database = None
 
     @property
     def notices(self) -> tuple[Notice, ...]:
@@ -145,7 +145,7 @@ def open_run_journal(run_folder: Path, *, fresh: bool = False, waiting: Callable
     journal = RunJournal(run_folder / JOURNAL_FOLDER / FILE)
     try:
         _prepare(journal.path, fresh)
-        journal._database = _unlocked(journal.path, waiting)
+        journal.database = _unlocked(journal.path, waiting)
     except OSError as error:
         journal.stopped = Notice("journal.unwritable", where=Where(str(journal.path)), reason=error.strerror or error)
     except (sqlite3.Error, ValueError) as error:
@@ -171,7 +171,7 @@ def _begin_anew(journal: RunJournal) -> None:
     try:
         os.replace(journal.path, journal.path.with_suffix(".damaged"))
         _remove(journal.path)
-        journal._database = _opened(journal.path)
+        journal.database = _opened(journal.path)
     except (OSError, sqlite3.Error) as error:
         journal.stopped = Notice("journal.unwritable", where=Where(str(journal.path)), reason=error)
 
@@ -190,17 +190,17 @@ def _is_locked(error: Exception) -> bool:
 def _unlocked(path: Path, waiting: Callable[[], None]) -> sqlite3.Connection:
     """The database, when another program has released it (errors as of `_opened`, ``journal.locked``)."""
     try:
-        return _opened(path, _QUIET_WAIT_S)
+        return _opened(path, QUIET_WAIT_S)
     except sqlite3.Error as error:
         if not _is_locked(error):
             raise
     waiting()
     try:
-        return _opened(path, _LONGEST_WAIT_S)
+        return _opened(path, LONGEST_WAIT_S)
     except sqlite3.Error as error:
         if not _is_locked(error):
             raise
-        waited = _QUIET_WAIT_S + _LONGEST_WAIT_S
+        waited = QUIET_WAIT_S + LONGEST_WAIT_S
         raise FemtuneError("journal.locked", where=Where(str(path)), seconds=waited) from error
 
 
@@ -218,7 +218,7 @@ def _opened(path: Path, wait_s: float = 0.0) -> sqlite3.Connection:
         with database:
             database.execute(_TABLE)
             database.execute(f"PRAGMA user_version = {_SCHEMA}")
-        _wait(database, _LONGEST_WAIT_S)
+        _wait(database, LONGEST_WAIT_S)
     except BaseException:
         database.close()
         raise

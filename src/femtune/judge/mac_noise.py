@@ -65,7 +65,16 @@ def _of_state(state: CaseState, covariance: Reals) -> Iterator[ResidualPart]:
         if tested is not None:
             chi_square, degrees, large, small = tested
             yield ResidualPart(
-                "modes", MacResidual.label, pair.case.name, pair.label, "", 1, chi_square, degrees, large, small
+                family="modes",
+                kind=MacResidual.label,
+                configuration=pair.case.name,
+                mode=pair.label,
+                sensor="",
+                values=1,
+                chi_square=chi_square,
+                degrees=degrees,
+                p_large=large,
+                p_small=small,
             )
 
 

@@ -141,10 +141,18 @@ def score_test(
         return out
 
     return ScoreTest(
-        spread(change, 0.0), spread(sd, np.inf), spread(f, 0.0), spread(degrees, np.nan),
-        spread(fdtrc(1.0, degrees, f), 1.0), spread(adjusted, 1.0), spread(gain, 0.0), spread(within, 0.0), ~seen,
-        spread(_groups(C[:, which], order), -1).astype(np.int64), which[order],
-    )  # fmt: skip
+        change=spread(change, 0.0),
+        sd=spread(sd, np.inf),
+        f=spread(f, 0.0),
+        degrees=spread(degrees, np.nan),
+        p_alone=spread(fdtrc(1.0, degrees, f), 1.0),
+        p=spread(adjusted, 1.0),
+        gain=spread(gain, 0.0),
+        within=spread(within, 0.0),
+        invisible=~seen,
+        group=spread(_groups(C[:, which], order), -1).astype(np.int64),
+        order=which[order],
+    )
 
 
 def p_of_refit(before: Whitened, after: Whitened) -> float | None:

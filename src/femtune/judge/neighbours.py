@@ -87,10 +87,18 @@ def _of_state(state: CaseState) -> Iterator[NeighbourTest]:
             of_largest = projected.scatter / float(np.abs(w * pair.test_shape[known]).max())
             member = min(pair.members, key=lambda i: abs(values[i] - pair.eigenvalue))
             yield NeighbourTest(
-                pair.case.name, pair.label, member, tuple(nearest[i] for i in range(projected.tried)),
-                nearest[projected.other], projected.share, projected.F, projected.degrees,
-                float(fdtrc(*projected.degrees, projected.F)), 1.0, of_largest,
-            )  # fmt: skip
+                configuration=pair.case.name,
+                mode=pair.label,
+                model_mode=member,
+                neighbours=tuple(nearest[i] for i in range(projected.tried)),
+                other=nearest[projected.other],
+                share=projected.share,
+                F=projected.F,
+                degrees=projected.degrees,
+                p_value=float(fdtrc(*projected.degrees, projected.F)),
+                p_family_wise=1.0,
+                scatter=of_largest,
+            )
 
 
 def _positive(eigenvalue: float) -> float:

@@ -153,7 +153,18 @@ def _tested(
     scaled = q * first / second
     large, small = gammaincc(0.5 * degrees, 0.5 * scaled), gammainc(0.5 * degrees, 0.5 * scaled)
     kind, configuration, mode, sensor = (labels.get(w, "") for w in ("kind", "configuration", "mode", "sensor"))
-    return ResidualPart(family, kind, configuration, mode, sensor, len(rows), q, first, float(large), float(small))
+    return ResidualPart(
+        family=family,
+        kind=kind,
+        configuration=configuration,
+        mode=mode,
+        sensor=sensor,
+        values=len(rows),
+        chi_square=q,
+        degrees=first,
+        p_large=float(large),
+        p_small=float(small),
+    )
 
 
 def _held(record: Whitened) -> ResidualPart | None:
@@ -181,7 +192,18 @@ def _held_by_side_constraint(record: Whitened) -> ResidualPart | None:
 
 
 def _of_held(family: PartFamily, q: float, degrees: int) -> ResidualPart:
-    return ResidualPart(family, "", "", "", "", degrees, q, degrees, float(chdtrc(degrees, q)), float("nan"))
+    return ResidualPart(
+        family=family,
+        kind="",
+        configuration="",
+        mode="",
+        sensor="",
+        values=degrees,
+        chi_square=q,
+        degrees=degrees,
+        p_large=float(chdtrc(degrees, q)),
+        p_small=float("nan"),
+    )
 
 
 def holm(p: Sequence[float]) -> list[float]:

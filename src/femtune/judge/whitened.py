@@ -207,21 +207,21 @@ def whitened_blocks(
     spread = parameters.prior[1]
     J = np.vstack([np.zeros((0, len(spread))), *(b.jacobian for b in kept)]) * spread
     return Whitened(
-        np.concatenate([np.zeros(0), *(b.values for b in kept)]),
-        J[:, free],
-        tuple(p.name for p, moves in zip(parameters.free, free) if moves),
-        J[:, at_bound],
-        tuple(b.kind for b in kept for _ in b.values),
-        tuple(b.configuration for b in kept for _ in b.values),
-        tuple(mode for b in kept for mode in b.modes or (b.mode,) * len(b.values)),
-        tuple(sensor for b in kept for sensor in b.sensors or ("",) * len(b.values)),
-        tuple("prior" if b.kind == PRIOR else "data" for b in kept for _ in b.values),
-        np.concatenate([np.zeros(0), *(_shares(b) for b in kept)]),
-        la.block_diag(np.zeros((0, 0)), *(b.directions for b in kept)),
-        frozenset(b.kind for b in kept if b.of_mode),
-        why,
-        optimum,
-        J[:, ~(free | at_bound)],
+        r=np.concatenate([np.zeros(0), *(b.values for b in kept)]),
+        J=J[:, free],
+        names=tuple(p.name for p, moves in zip(parameters.free, free) if moves),
+        bounded=J[:, at_bound],
+        kinds=tuple(b.kind for b in kept for _ in b.values),
+        configurations=tuple(b.configuration for b in kept for _ in b.values),
+        modes=tuple(mode for b in kept for mode in b.modes or (b.mode,) * len(b.values)),
+        sensors=tuple(sensor for b in kept for sensor in b.sensors or ("",) * len(b.values)),
+        roles=tuple("prior" if b.kind == PRIOR else "data" for b in kept for _ in b.values),
+        shares=np.concatenate([np.zeros(0), *(_shares(b) for b in kept)]),
+        lost=la.block_diag(np.zeros((0, 0)), *(b.directions for b in kept)),
+        of_modes=frozenset(b.kind for b in kept if b.of_mode),
+        untested=why,
+        optimum=optimum,
+        fixed=J[:, ~(free | at_bound)],
     )
 
 

@@ -23,7 +23,7 @@ from femtune.parameters.jet import Jet
 
 _ROWS_AT_ONCE = 1 << 16
 """Rows of a block of vectors that are copied together, so that no second array of its size is made."""
-_COLUMNS_AT_ONCE = 48
+COLUMNS_AT_ONCE = 48
 """Columns of a product that are computed together: a large model has room for them beside its basis."""
 MANY_COLUMNS = 8
 """Columns for each parameter above which their sum for that parameter is formed first."""
@@ -63,7 +63,7 @@ class Local:
 
 def _parts(count: int) -> list[slice]:
     """Columns of a product at a time: as many as the memory of a large model has room for, beside its basis."""
-    return [slice(i, min(i + _COLUMNS_AT_ONCE, count)) for i in range(0, count, _COLUMNS_AT_ONCE)]
+    return [slice(i, min(i + COLUMNS_AT_ONCE, count)) for i in range(0, count, COLUMNS_AT_ONCE)]
 
 
 def projections(configured: ConfiguredModel, kind: MatrixKind, left: Reals, right: Reals) -> dict[int, Reals]:

@@ -631,7 +631,7 @@ def _distinct(columns: list[NDArray]) -> tuple[Integers, Integers]:
     if not parts:
         return np.zeros(min(len(columns[0]), 1), np.int64), np.zeros(len(columns[0]), np.int64)
     key = np.zeros(len(columns[0]), np.uint64)
-    for part, odd in zip(parts, _odd_numbers(len(parts))):
+    for part, odd in zip(parts, odd_numbers(len(parts))):
         key = (key + np.asarray(part, dtype=part.dtype if part.itemsize == 8 else float).view(np.uint64)) * odd
         key ^= key >> np.uint64(32)
     _, first, kinds = np.unique(key, return_index=True, return_inverse=True)
@@ -642,6 +642,6 @@ def _distinct(columns: list[NDArray]) -> tuple[Integers, Integers]:
 
 
 @lru_cache
-def _odd_numbers(count: int) -> NDArray[np.uint64]:
+def odd_numbers(count: int) -> NDArray[np.uint64]:
     """(count,) random multipliers of a hash."""
     return np.random.default_rng(8).integers(1 << 62, size=count, dtype=np.uint64) * np.uint64(2) + np.uint64(1)

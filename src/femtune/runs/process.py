@@ -20,10 +20,10 @@ MARK = "FEMTUNE_RUN"
 """Variable of the environment of a solver, with the folder of its run: what it starts has it too, wherever it goes."""
 _PROC = Path("/proc")
 """What Linux tells of processes; absent on other systems."""
-_ROUNDS = 20
-"""How often processes of a run are looked for and ended: one may start others while it is ended."""
+_LONGEST_S = 10.0
+"""Time in s for which processes of a run are looked for and ended: on a busy machine they take a while to go."""
 _PAUSE_S = 0.01
-"""Time in s that the system gets to remove processes that were ended."""
+"""Time in s that the system gets to remove processes that were ended; one may have started others meanwhile."""
 _RUNNING: dict[subprocess.Popen[bytes], Path] = {}
 _STOPS: list[threading.Event] = [threading.Event()]
 """The event of the runs that go on; it is set when they are interrupted, and `begin_runs` replaces it."""
@@ -151,14 +151,15 @@ def end_left(folder: Path, pid: int, since: str) -> bool:
 def end_marked(folder: Path) -> bool:
     """End processes that a run has started, also those in sessions of their own; False if some are still there."""
     marked = os.fsencode(f"{MARK}={folder.resolve()}")
-    for _ in range(_ROUNDS):
-        processes = list(_with(marked))
-        if not processes:
-            return True
+    end, pause_s = time.monotonic() + _LONGEST_S, _PAUSE_S
+    while processes := list(_with(marked)):
+        if time.monotonic() > end:
+            return False
         for pid in processes:
             _signal(os.kill, pid)
-        time.sleep(_PAUSE_S)
-    return False
+        time.sleep(pause_s)
+        pause_s = min(2.0 * pause_s, 0.2)
+    return True
 
 
 def _with(variable: bytes) -> Iterator[int]:

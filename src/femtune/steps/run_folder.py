@@ -24,7 +24,7 @@ from femtune.journal.run_files import ARRAYS_FILE, RESULTS_FILE
 from femtune.steps.migration import is_known, migrate
 from femtune.steps.results import SCHEMA_VERSION, Results
 
-_MOST_ARRAY_BYTES = 4 << 30
+MOST_ARRAY_BYTES = 4 << 30
 """Bytes of all arrays, unpacked, that are read: a damaged or hostile file must not fill the memory."""
 _VERSION_NUMBER = re.compile("[1-9][0-9]{0,8}")
 """Text of a version of the schema."""
@@ -153,8 +153,8 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     content = _read_bytes(path)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > _MOST_ARRAY_BYTES:
-                raise _damaged(path, f"its arrays are larger than {_MOST_ARRAY_BYTES >> 30} GiB")
+            if sum(entry.file_size for entry in archive.infolist()) > MOST_ARRAY_BYTES:
+                raise _damaged(path, f"its arrays are larger than {MOST_ARRAY_BYTES >> 30} GiB")
             return {name.removesuffix(".npy"): _unpack(archive, name) for name in archive.namelist()}
     # what zipfile, zlib and numpy raise on damaged archives
     except (zipfile.BadZipFile, zlib.error, ValueError, OSError, EOFError, RuntimeError, MemoryError) as error:

@@ -80,7 +80,7 @@ def _hold(path: Path) -> int:
 def _is_free(handle: int, holder: dict[str, str]) -> bool:
     """Locked for us now. A run on another machine counts as alive: not every shared disk carries locks between them."""
     try:
-        return _try_lock(handle) and _is_here(holder)
+        return try_lock(handle) and _is_here(holder)
     except OSError:
         # a disk without locks: what is signed has to do; numbers of processes in another container say nothing
         return _is_host(holder) and not is_alive(holder.get("pid", ""))
@@ -142,7 +142,7 @@ def _taken(path: Path, holder: dict[str, str]) -> FemtuneError:
 if sys.platform == "win32":
     import msvcrt
 
-    def _try_lock(handle: int) -> bool:
+    def try_lock(handle: int) -> bool:
         os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
         try:
             msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
@@ -153,7 +153,7 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-    def _try_lock(handle: int) -> bool:
+    def try_lock(handle: int) -> bool:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

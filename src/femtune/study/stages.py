@@ -160,9 +160,18 @@ def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> Up
     cited = tuple(dict.fromkeys(key for s in stages for key in s.best.citations))
     none, history = SideConstraint("none", np.zeros((0, len(belief.x)))), _history(stages)
     return UpdateResult(
-        study.parameters, failed[0] if failed else best, belief.x, at, after, history,
-        covariance_of_stages(belief, after), cited, active, none, len(history) - 1,
-    )  # fmt: skip
+        parameters=study.parameters,
+        status=failed[0] if failed else best,
+        x=belief.x,
+        before=at,
+        after=after,
+        history=history,
+        covariance=covariance_of_stages(belief, after),
+        citations=cited,
+        active=active,
+        side=none,
+        number=len(history) - 1,
+    )
 
 
 def _history(stages: tuple[StageResult, ...]) -> tuple[Iteration, ...]:

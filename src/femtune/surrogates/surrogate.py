@@ -91,13 +91,13 @@ class Surrogate:
 
     def predict(self, x: Reals) -> Reals:
         """(k, m) responses at points (k, n); accepts complex values."""
-        u = self._unit(np.atleast_2d(x))
+        u = self.in_unit_cube(np.atleast_2d(x))
         predicted = self.centre + self.scale * np.stack([fit.value(u) for fit in self.fits], axis=1)
         return np.asarray(np.exp(predicted) if self.rules.logarithms else predicted)
 
     def predict_sd(self, x: Reals) -> Reals:
         """(k, m) standard deviations of a run at points (k, n); of its logarithm, with `logarithms`."""
-        u = self._unit(np.atleast_2d(x))
+        u = self.in_unit_cube(np.atleast_2d(x))
         return np.asarray(self.scale * np.stack([fit.spread(u) for fit in self.fits], axis=1))
 
     def interval(self, x: Reals, level: float = 0.95) -> tuple[Reals, Reals]:
@@ -111,7 +111,7 @@ class Surrogate:
     def gradient(self, x: Reals) -> Reals:
         """(k, m, n) derivatives of the responses."""
         x = np.atleast_2d(x)
-        u = self._unit(x)
+        u = self.in_unit_cube(x)
         slopes = np.stack([fit.slopes(u) for fit in self.fits], axis=1)
         gradient = self.scale[:, None] * slopes / (self._edges[1] - self._edges[0])
         if self.rules.logarithms:
@@ -146,9 +146,10 @@ class Surrogate:
 
     @cached_property
     def _runs(self) -> Reals:
-        return self._unit(self.x)
+        return self.in_unit_cube(self.x)
 
-    def _unit(self, x: Reals) -> Reals:
+    def in_unit_cube(self, x: Reals) -> Reals:
+        """(k, n) points as the surrogate sees them: between the bounds 0 to 1, with logarithms if it has these."""
         low, high = self._edges
         return np.asarray(((np.log(x) if self.rules.logarithms else x) - low) / (high - low))
 

@@ -288,7 +288,7 @@ class Bootstrap:
         pairs = zip(self.at.weighted, changes)
         return np.concatenate([noise_of(b, rng, self.size) if c is None else c for b, c in pairs])
 
-    def _data(self, number: int, own: bool = False) -> tuple[Reals, Reals]:
+    def drawn_data(self, number: int, own: bool = False) -> tuple[Reals, Reals]:
         """(n,) roots of the weights of the residuals of a run, and what is added to them."""
         rng = np.random.default_rng([self.rules.seed, number])
         if self.identified:
@@ -301,7 +301,7 @@ class Bootstrap:
 
     def _run(self, number: int, own: bool) -> BootstrapRun:
         try:
-            data = self._data(number, own)
+            data = self.drawn_data(number, own)
         except FemtuneError as error:
             return BootstrapRun(self.at.x, False, 0, 0, own, error.what)
         return self._walked(*data, own)

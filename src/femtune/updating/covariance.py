@@ -175,7 +175,17 @@ def parameter_covariance(
     misfit = _misfit(r, kinds, freedom)
     noise = None if noise is None else noise + (extra * prior_sd).T @ (extra * prior_sd)
     prior_residuals = np.zeros(len(extra)) if box is None else box.prior_residuals
-    size = _size(fit, r, kinds, prior_residuals, freedom, lost, scatter, noise, may_narrow)
+    size = _size(
+        fit=fit,
+        r=r,
+        kinds=kinds,
+        prior_residuals=prior_residuals,
+        freedom=freedom,
+        lost=lost,
+        scatter=scatter,
+        noise=noise,
+        may_narrow=may_narrow,
+    )
     known = np.linalg.norm(fit.undetermined, axis=0) < _UNDETERMINED_SHARE
     reasons = {int(i): "fixed in this update, σ not given" for i in np.flatnonzero(~moving)}
     reasons |= {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
@@ -191,9 +201,23 @@ def parameter_covariance(
     matrix[np.ix_(free[known], free[known])] = (np.outer(prior_sd[free], prior_sd[free]) * of_fit)[np.ix_(known, known)]
     estimated = scatter == "estimated" and noise is None
     posterior = (
-        None if box is None
-        else _posterior(r, J, kinds, extra, prior_sd, moving, estimated, lost, box, size, noise, may_narrow)
-    )  # fmt: skip
+        None
+        if box is None
+        else _posterior(
+            r=r,
+            J=J,
+            kinds=kinds,
+            extra=extra,
+            prior_sd=prior_sd,
+            moving=moving,
+            estimated=estimated,
+            lost=lost,
+            box=box,
+            size=size,
+            noise=noise,
+            may_narrow=may_narrow,
+        )
+    )
     return ParameterCovariance(matrix, reasons, misfit, size.degrees, size.by_kind, freedom, posterior)
 
 
@@ -203,15 +227,35 @@ def _posterior(
 ) -> BoxPosterior | None:  # fmt: skip
     """None if the residual variance is to be estimated and no degrees of freedom are left."""
     if estimated:
-        linear = _estimated_without_bounds(r, J, kinds, extra, prior_sd, moving, lost, box, may_narrow)
+        linear = _estimated_without_bounds(
+            r=r,
+            J=J,
+            kinds=kinds,
+            extra=extra,
+            prior_sd=prior_sd,
+            moving=moving,
+            lost=lost,
+            box=box,
+            may_narrow=may_narrow,
+        )
         if linear is None:
             return None
         size = linear
     sizes = np.array([size.by_kind.get(kind, 1.0) for kind in kinds])
     return box_posterior(
-        r, J, extra, box.prior_residuals, prior_sd, moving, box.x, (box.lower, box.upper), sizes, size.degrees,
-        box.pull if box.pull.any() else None, noise,
-    )  # fmt: skip
+        r=r,
+        J=J,
+        extra=extra,
+        extra_r=box.prior_residuals,
+        prior_sd=prior_sd,
+        moving=moving,
+        at=box.x,
+        ends=(box.lower, box.upper),
+        sizes=sizes,
+        degrees=size.degrees,
+        pull=box.pull if box.pull.any() else None,
+        noise=noise,
+    )
 
 
 def _estimated_without_bounds(

@@ -380,10 +380,10 @@ class ReducedSearch:
         if not any(self.functions) and all(e <= self.rules.tolerance for e in self.errors(x, solutions)):
             # nothing would use them
             return self.trained
-        finer = [_finer(t, self.rules.tolerance) for t in self.trainers]
+        finer = [finer_trainer(t, self.rules.tolerance) for t in self.trainers]
         better = [t.enriched(m, x, s) for t, m, s in zip(finer, self.trained, solutions)]
         if any(self.functions) and not self._enlarged(better):
-            whole = [_keeping(t, DEPENDENT, DEPENDENT) for t in self.trainers]
+            whole = [with_thresholds(t, DEPENDENT, DEPENDENT) for t in self.trainers]
             better = [t.enriched(m, x, s) for t, m, s in zip(whole, self.trained, solutions)]
         return better
 
@@ -412,12 +412,19 @@ class ReducedSearch:
         five = zip(self.cases, self.trained, self.estimates, errors, self.functions)
         return tuple(
             ReducedCaseFacts(
-                c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status,
-                reduced_components(t), t.certified[0].error,
-                None if t.components is None else len(t.components.interface), len(functions),
+                configuration=c.name,
+                order=t.model.order,
+                full_solutions=len(t.certified) + 1,
+                estimate=first.worst_estimate,
+                certified_error=error,
+                status=first.status,
+                components=reduced_components(t),
+                truncation=t.certified[0].error,
+                interface_dofs=None if t.components is None else len(t.components.interface),
+                functions=len(functions),
             )
             for c, t, first, error, functions in five
-        )  # fmt: skip
+        )
 
     @property
     def used_up(self) -> bool:
@@ -636,13 +643,15 @@ def _nearly(
     return modes_nearby(trained, state.full, max(counts, default=trainer.rules.count))
 
 
-def _finer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | ComponentTrainer:
+def finer_trainer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | ComponentTrainer:
     """A trainer that keeps smaller parts of new modes: at an end shapes count, whose error is that of a root."""
     negligible = min(trainer.rules.negligible, 1e-2 * float(np.sqrt(tolerance)))
-    return _keeping(trainer, negligible, _FINER_RESPONSES * trainer.rules.responses)
+    return with_thresholds(trainer, negligible, _FINER_RESPONSES * trainer.rules.responses)
 
 
-def _keeping(trainer: Trainer | ComponentTrainer, negligible: float, responses: float) -> Trainer | ComponentTrainer:
+def with_thresholds(
+    trainer: Trainer | ComponentTrainer, negligible: float, responses: float
+) -> Trainer | ComponentTrainer:
     """A trainer with other thresholds of an enrichment."""
     rules = replace(trainer.rules, negligible=negligible, responses=responses)
     # full solutions where a search ends are told as such

@@ -278,7 +278,7 @@ _NEARLY_SAME = 1e-6
 """Relative decrease of the objective that no result shows: χ² is reported with fewer digits."""
 _ZERO_OBJECTIVE = 1e-24
 """Objective of residuals of about 1e-12: an exact fit."""
-_MANY_PAIRING_CHANGES = 6
+MANY_PAIRING_CHANGES = 6
 """Iterations with a change of pairing, beyond which the search is taken to cycle between pairings. A search may pass
 several crossings on its way."""
 _WORTH_A_JUMP = 1e-7
@@ -555,7 +555,7 @@ class _Update:
         if not changes:
             return self._end(point, failed=False)
         steps = self.history[first + 1 :]
-        if sum(bool(i.events) for i in steps) > _MANY_PAIRING_CHANGES:
+        if sum(bool(i.events) for i in steps) > MANY_PAIRING_CHANGES:
             return Status.PAIRING_CYCLES
         if self._crawls(steps, gain):
             return Status.STALLED
@@ -699,7 +699,19 @@ def _iteration(walk: Walk, number: int, point: Point, moved: float, state: float
     mean, small = point.evaluation.mean_error, walk.change is not None
     modes = tuple(_modes(point.evaluation))
     functions = tuple(fitted_frfs(point.evaluation))
-    return Iteration(number, half, mean, point.x, moved, state, names, events, small, modes=modes, functions=functions)
+    return Iteration(
+        number=number,
+        objective=half,
+        mean_error=mean,
+        x=point.x,
+        step=moved,
+        damping=state,
+        at_bound=names,
+        events=events,
+        to_smallest_change=small,
+        modes=modes,
+        functions=functions,
+    )
 
 
 def _modes(evaluation: Evaluation) -> Iterator[IterationMode]:
@@ -720,9 +732,20 @@ def _result(
     active = tuple(p.name for p, moves in zip(parameters.free, walk.moving) if moves)
     cited = ("mottershead2011", "friswell1995", "fox1968", "dailey1989")
     return UpdateResult(
-        parameters, end.status, at.x, before, at, tuple(history), _covariance(walk, at), cited, active, walk.side,
-        end.number, certificate(walk, at, small), small,
-    )  # fmt: skip
+        parameters=parameters,
+        status=end.status,
+        x=at.x,
+        before=before,
+        after=at,
+        history=tuple(history),
+        covariance=_covariance(walk, at),
+        citations=cited,
+        active=active,
+        side=walk.side,
+        number=end.number,
+        certificate=certificate(walk, at, small),
+        smallest_change=small,
+    )
 
 
 def certificate(walk: Walk, at: Evaluation, small: SmallestChange | None) -> Certificate:
@@ -736,9 +759,17 @@ def _covariance(walk: Walk, at: Evaluation) -> ParameterCovariance:
     spread = walk.problem.parameters.prior[1]
     jacobian = without(at.jacobian * spread, walk.side.held * spread) / spread
     return parameter_covariance(
-        at.residuals, jacobian, at.kinds, walk.side.prior_rows, walk.at_bound(at.x), spread, walk.moving,
-        walk.problem.scatter, at.lost, _box(walk.problem.parameters, walk.side, at),
-    )  # fmt: skip
+        r=at.residuals,
+        J=jacobian,
+        kinds=at.kinds,
+        extra=walk.side.prior_rows,
+        at_bound=walk.at_bound(at.x),
+        prior_sd=spread,
+        moving=walk.moving,
+        scatter=walk.problem.scatter,
+        lost=at.lost,
+        box=_box(walk.problem.parameters, walk.side, at),
+    )
 
 
 def with_noise(result: UpdateResult, noise: Reals) -> UpdateResult:
@@ -767,10 +798,19 @@ def _covariance_at_end(result: UpdateResult, scatter: Scatter, noise: Reals | No
     spread, names = parameters.prior[1], np.array([p.name for p in parameters.free])
     turn = without(np.eye(len(spread)), side.held * spread)
     return parameter_covariance(
-        at.residuals, at.jacobian * spread @ turn / spread, at.kinds, side.prior_rows, np.isin(names, result.at_bound),
-        spread, np.isin(names, result.active), scatter, at.lost, _box(parameters, side, at),
-        noise=None if noise is None else turn.T @ noise @ turn, may_narrow=False,
-    )  # fmt: skip
+        r=at.residuals,
+        J=at.jacobian * spread @ turn / spread,
+        kinds=at.kinds,
+        extra=side.prior_rows,
+        at_bound=np.isin(names, result.at_bound),
+        prior_sd=spread,
+        moving=np.isin(names, result.active),
+        scatter=scatter,
+        lost=at.lost,
+        box=_box(parameters, side, at),
+        noise=None if noise is None else turn.T @ noise @ turn,
+        may_narrow=False,
+    )
 
 
 def _box(parameters: ParameterSet, side: SideConstraint, at: Evaluation) -> Box:

@@ -346,7 +346,17 @@ def run_stage(stage: Stage, start: Belief, tell: Tell, told: Told = NOBODY) -> S
         runs.append(reduced_run.result)
     i = best_of(problem, runs)
     belief = learned(start, runs[i])
-    return StageResult(stage, runs[i], tuple(runs), earlier, start, belief.belief, belief.misfit, refused, reduced[i])
+    return StageResult(
+        stage=stage,
+        best=runs[i],
+        runs=tuple(runs),
+        earlier=earlier,
+        start=start,
+        belief=belief.belief,
+        misfit=belief.misfit,
+        refused=refused,
+        reduced=reduced[i],
+    )
 
 
 def _starts(stage: Stage, start: Belief) -> list[Reals]:

@@ -12,7 +12,7 @@ import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.files.nastran import Deck, build_structure, read_deck
 from femtune.files.nastran.edit import edit_fields
-from femtune.files.nastran.inventory import IGNORED, MISSING, use_of
+from femtune.files.nastran.inventory import IGNORED, MISSING, take_inventory, use_of
 from femtune.files.nastran.lines import parse_number, parse_real
 from femtune.files.study_file.reading import is_deck
 
@@ -190,7 +190,7 @@ def test_a_complex_stiffness_is_stiffness_and_structural_damping(deck_of: DeckOf
     assert caught.value.code == "deck.complex-matrix"
 
 
-@pytest.mark.parametrize("name", ["CNGRNT", "CAERO7", "CORD3G", "CSCHD", "CONTRLT", "CYJOIN"])
+@pytest.mark.parametrize("name", ["CNGRNT", "CAERO7", "CORD3G", "CSCHD", "CONTRLT", "CYJOIN", "COMPUDS", "CTABLE"])
 def test_cards_that_begin_with_c_and_are_no_elements(name: str) -> None:
     assert use_of(name) == IGNORED
 
@@ -198,6 +198,27 @@ def test_cards_that_begin_with_c_and_are_no_elements(name: str) -> None:
 @pytest.mark.parametrize("name", ["CTRIAX6", "CQUADX4", "CHACAB", "CSEAM", "CBEAM3", "CRAC2D"])
 def test_elements_that_are_not_read(name: str) -> None:
     assert use_of(name) == MISSING
+
+
+@pytest.mark.parametrize(
+    ("card", "element"),
+    [("CABC,91,1,1,2", True), ("CABC,91,1,1,91", False), ("CQAUD4,91,1,1,2,3,1", True), ("CONTOPT,1,2,3,4", False)],
+)
+def test_an_unknown_card_is_an_element_if_it_refers_to_grid_points(deck_of: DeckOf, card: str, element: bool) -> None:
+    (use,) = (
+        u.use
+        for u in take_inventory(deck_of(DECK.replace("ENDDATA", f"{card}\nENDDATA")))
+        if u.name == card.partition(",")[0]
+    )
+    assert (use == MISSING) is element
+
+
+def test_cyclic_symmetry_is_told(deck_of: DeckOf) -> None:
+    """A segment is not the whole structure."""
+    model = build_structure(deck_of(DECK.replace("ENDDATA", "CYJOIN,1,,1\nCYJOIN,2,,2\nENDDATA")))
+    (notice,) = [n for n in model.notices if n.code == "deck.ignored-cards"]
+    assert notice.level == "warning"
+    assert "one segment, whose sides are free" in notice.what
 
 
 def test_a_restart_has_no_model(tmp_path: Path) -> None:

@@ -50,14 +50,14 @@ def outcome(path: Path) -> BuiltDeck | str:
 
 def by_columns(path: Path, monkeypatch: pytest.MonkeyPatch) -> BuiltDeck | str:
     with monkeypatch.context() as patch:
-        patch.setattr(columns, "_FEWEST_CARDS", 1)
+        patch.setattr(columns, "FEWEST_CARDS", 1)
         return outcome(path)
 
 
 def one_by_one(path: Path, monkeypatch: pytest.MonkeyPatch) -> BuiltDeck | str:
     with monkeypatch.context() as patch:
-        patch.setattr(columns, "_FEWEST_CARDS", 10**9)
-        patch.setattr(assembly, "_plain_name", lambda head: "")
+        patch.setattr(columns, "FEWEST_CARDS", 10**9)
+        patch.setattr(assembly, "plain_name", lambda head: "")
         return outcome(path)
 
 
@@ -133,7 +133,7 @@ def test_reference_decks(nastran_decks: Path, monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.mark.parametrize("lines", ["GRID    {:<8}", "GRID    {:>8}", "GRID,{}", "GRID*   {:<16}"])
 def test_what_is_a_number_is_what_a_card_says(deck_of: DeckOf, lines: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(columns, "_FEWEST_CARDS", 1)
+    monkeypatch.setattr(columns, "FEWEST_CARDS", 1)
     cards = deck_of("\n".join(lines.format(text) for text in ODD) + "\n").cards
     found = columns_of(cards)
     assert found is not None
@@ -153,7 +153,7 @@ def test_what_is_a_number_is_what_a_card_says(deck_of: DeckOf, lines: str, monke
 
 def test_long_fields_beside_short_ones(deck_of: DeckOf, monkeypatch: pytest.MonkeyPatch) -> None:
     """Large fields, an exponent, and a field that is longer than any; each row is the card's own."""
-    monkeypatch.setattr(columns, "_FEWEST_CARDS", 1)
+    monkeypatch.setattr(columns, "FEWEST_CARDS", 1)
     long = ("-5.000000000E-01", "1.23456789012-3", "12345678.9012345", "123456789012345", "1.5E+400")
     text = "".join(f"GRID*   {i + 1:<16}{'':16}{x:>16}\n*\n" for i, x in enumerate(long))
     cards = deck_of(f"GRID    9               .5\n{text}GRID,8,,1.000000000000000000000\n").by_name("GRID")
@@ -167,7 +167,7 @@ def test_long_fields_beside_short_ones(deck_of: DeckOf, monkeypatch: pytest.Monk
 
 
 def test_grids_that_are_not_plain_are_read_one_by_one(deck_of: DeckOf, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(columns, "_FEWEST_CARDS", 1)
+    monkeypatch.setattr(columns, "FEWEST_CARDS", 1)
     deck = deck_of("GRID,2,,1.,2.,3.\nGRID,1,,1.5-3,0.,0.\nGRID,3,,1.,0.,0.,5\nGRID,4,5,1.,0.,0.\nGRID,5,0,,,,0,12\n")
     found = plain_grids(deck.by_name("GRID"))
     assert found is not None

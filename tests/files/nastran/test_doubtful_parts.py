@@ -92,13 +92,13 @@ def test_a_part_in_other_units(deck_of: DeckOf) -> None:
 def test_the_search_is_linear_in_the_parts(deck_of: DeckOf, monkeypatch: pytest.MonkeyPatch) -> None:
     """In a row of parts each is compared with its neighbours only."""
     searched: list[tuple[int, int]] = []
-    search = superelements._found_pairs
+    search = superelements.joined_pairs
 
     def counted(deck: Deck, sections: Any, meshes: Any, i: int, j: int) -> Iterator[Any]:
         searched.append((i, j))
         return search(deck, sections, meshes, i, j)
 
-    monkeypatch.setattr(superelements, "_found_pairs", counted)
+    monkeypatch.setattr(superelements, "joined_pairs", counted)
     parts = "".join(f"BEGIN SUPER={k}\n{CARDS}{_plate(100 * k, 3.0 * k)}" for k in range(1, 13))
     build_structure(deck_of(f"SOL 103\nCEND\nBEGIN BULK\n{CARDS}{_plate(1, 0.0)}{parts}ENDDATA\n"))
     assert searched == [(k, k + 1) for k in range(12)]

@@ -21,9 +21,9 @@ POINTS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,2.,0.,0.\nGRID,4,,2.,1.,0.
     [
         ("GRID", READ), ("BAROR", READ), ("FORCE", NOT_NEEDED), ("CAERO1", NOT_NEEDED), ("CBARAO", NOT_NEEDED),
         ("CDAMP5", NOT_NEEDED), ("RLOAD1", NOT_NEEDED), ("CTRAX3", MISSING), ("CTETRA", READ), ("RBE3", READ),
-        ("RSSCON", MISSING), ("CTRIAX6", MISSING), ("RBE2GS", MISSING), ("CNEWONE", MISSING), ("RJOINT", MISSING),
+        ("RSSCON", MISSING), ("CTRIAX6", MISSING), ("RBE2GS", MISSING), ("CQUAD4N", MISSING), ("RJOINT", MISSING),
         ("CORD3G", IGNORED), ("MATT1", IGNORED), ("DMIG", IGNORED), ("ASET1", READ), ("SUPORT", READ),
-        ("SPCOFF", IGNORED), ("WHATEVER", IGNORED),
+        ("SPCOFF", IGNORED), ("WHATEVER", IGNORED), ("CNEWONE", IGNORED),
     ],
 )  # fmt: skip
 def test_use(name: str, use: str) -> None:

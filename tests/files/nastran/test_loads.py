@@ -146,7 +146,7 @@ WRONG = {
     "PLOAD4,3,1,7.,,,,5,6": "do not name a face",
     "PLOAD2,3,7.,99": "is no shell or solid",
     "PLOAD1,3,1,FX,FR,0.,1.,1.,1.": "is no CBAR or CBEAM",
-    BAR.format("") + "FE,FR,0.,1.,1.,1.": "no direction of a load",
+    BAR.format("") + "FE,FR,0.,1.,1.,1.": "not a direction of a load",
     BAR.format("") + "FX,LE,0.,1.,4.,1.": "does not lie on the bar",
     BAR.format("") + "FX,FR,.5,1.,,2.": "P2 is the load at X2",
     "FORCE1,3,1,5.,2,2": "direction of the load is undefined",

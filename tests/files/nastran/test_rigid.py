@@ -225,3 +225,36 @@ def test_displacement_systems_change_no_frequency(deck_of: DeckOf, rigid: str) -
         found.append(frequencies(build_structure(deck_of(HEAD + text + frame + rigid + TAIL)).structure)[:8])
     for other in found[1:]:
         np.testing.assert_allclose(other, found[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("CRIGD1,40,1,2,3\n", "RBE2,40,1,123456,2,3\n"),
+        ("CRIGD1,40,1,2,THRU,5\n", "RBE2,40,1,123456,2,3,4,5\n"),
+        ("CRIGD2,40,1,2,123456,3,12\n", "RBE1,40,1,123456\n,UM,2,123456,3,12\n"),
+        ("CRIGD3,40,1,12,3,2,5,3\n,,7,3,7,1\n,MSET,9,123,6,3\n", "RBE1,40,1,12,3,2,5,3\n,,7,3,7,1\n,UM,9,123,6,3\n"),
+        ("CRIGDR,40,1,2,3\n", "RROD,40,1,2,,3\n"),
+    ],
+)
+def test_rigid_elements_of_nastran_95_are_those_of_today(deck_of: DeckOf, old: str, new: str) -> None:
+    rows = [built(deck_of, card).rigid for card in (old, new)]
+    n = built(deck_of, new).nodes.n_dofs
+    np.testing.assert_allclose(matrix(rows[0], n), matrix(rows[1], n), atol=1e-14)
+
+
+def test_their_numbers_are_unique_within_a_kind(deck_of: DeckOf) -> None:
+    structure = built(deck_of, "CRIGD1,40,1,2\nCRIGD2,40,3,4,123\n")
+    assert len(structure.rigid.dependent) == 9
+    with pytest.raises(FemtuneError) as caught:
+        built(deck_of, "CRIGD1,40,1,2\nCRIGD1,40,3,4\n")
+    assert caught.value.code == "deck.duplicate-id"
+
+
+@pytest.mark.parametrize(
+    "card", ["CRIGD1,40,1\n", "CRIGD2,40,1\n", "CRIGDR,40,1,2\n", "CRIGDR,40,1,2,4\n", "CRIGD3,40,1,123456\n"]
+)
+def test_incomplete_rigid_elements_of_nastran_95(deck_of: DeckOf, card: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        built(deck_of, card)
+    assert caught.value.code == "deck.field-value"

@@ -161,7 +161,7 @@ def test_a_pole_at_zero_without_damping_is_as_exact_as_any_other() -> None:
     """What rounding may make of it is divided by the damping, where there is some."""
     modes = solve_modes(point(chain(SPRINGS, MASSES, loss=0.02)), 4)
     problem = complex_eigen.quadratic_problem(modes, DynamicStiffness(modes.point))
-    zero, other = problem._rounding(np.array([0.0, 20j]), np.ones((4, 2)))
+    zero, other = problem.rounding_of(np.array([0.0, 20j]), np.ones((4, 2)))
     assert zero == other < 1e-3 * problem.origin
 
 
@@ -175,7 +175,7 @@ def test_the_backward_error_does_not_depend_on_the_signs_of_directions() -> None
     errors = []
     for frames, shape in ((None, psi), (turned, signs * psi)):
         at = point(make_structure(xyz, [bars([[0, 1], [1, 2], [2, 3]], SECTION)], frames, consistent_mass=True))
-        errors.append(complex_eigen._backward(DynamicStiffness(at), 3e5j, shape))
+        errors.append(complex_eigen.backward_error(DynamicStiffness(at), 3e5j, shape))
     assert errors[1] == pytest.approx(errors[0], rel=1e-12)
 
 

@@ -93,7 +93,7 @@ def test_the_sparse_part_is_propped_near_natural_frequencies_only(factor: float)
     modes = solve_modes(point(chain(springs, [1.0] * 3)), 3)
     stiffness = DynamicStiffness(modes.point, modal_damper(modes, constant_damping(0.01)))
     for omega, count in ((10.01, 2), (9.0, 0), (20.02, 1), (15.0, 0)):
-        found, weights = stiffness._props(1j * omega * np.sqrt(factor))
+        found, weights = stiffness.grounded_dofs(1j * omega * np.sqrt(factor))
         assert len(found) == len(weights) == count
         assert set(found) <= ({0, 1} if omega < 12.0 else {2})
 

@@ -181,7 +181,7 @@ class _Assembly:
         head = text[:8]
         name = self.names.get(head)
         if name is None:
-            name = self.names[head] = _plain_name(head)
+            name = self.names[head] = plain_name(head)
         if name:
             if _PLAIN_COLUMNS.fullmatch(text, 8) is None:
                 return False
@@ -390,7 +390,7 @@ def _card(lines: list[FieldLine], position: int, superelement: int) -> Card:
     return Card(name, fields_of(lines), sources, lines[0].format, position, superelement)
 
 
-def _plain_name(head: str) -> str:
+def plain_name(head: str) -> str:
     """Name of a card from the first eight columns of its first line; empty if the line is not plain."""
     if len(head) < 8 or not _PLAIN_HEAD.fullmatch(head):
         return ""

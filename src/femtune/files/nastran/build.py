@@ -369,9 +369,15 @@ def _add_one_by_one(building: Building, name: str, cards: dict[int, int]) -> Non
             number = record.integer("EID")
             if number < 1:
                 raise record.error("deck.field-value/element-number", at="EID")
-            if number in cards:
-                raise duplicate(record.card, f"element {number}", building.deck.cards[cards[number]])
+            first = building.deck.cards[cards[number]] if number in cards else None
+            if first is not None and not (_in_own_numbers(name) and _in_own_numbers(first.name) and name != first.name):
+                raise duplicate(record.card, f"element {number}", first)
             cards[number] = record.card.position
+
+
+def _in_own_numbers(name: str) -> bool:
+    """Whether a kind of element may have the numbers of another such kind: rigid elements of NASTRAN-95."""
+    return name.startswith("CRIGD")
 
 
 def _eigen_method(building: Building) -> EigenMethod | None:

@@ -442,6 +442,10 @@ _CARDS = (
         _card("RTRPLT", ELEMENT, "EID GA GB GC CNA CNB CNC - CMA CMB CMC ALPHA", length=13),
         _card("RTRPLT1", ELEMENT, "EID GA GB GC CMB CMC ALPHA", length=8),
         _card("RSPLINE", ELEMENT, "EID DL G1", has_list=True),
+        _card("CRIGD1", ELEMENT, "EID IG", has_list=True),
+        _card("CRIGD2", ELEMENT, "EID IG", has_list=True),
+        _card("CRIGD3", ELEMENT, "EID", has_list=True),
+        _card("CRIGDR", ELEMENT, "EID GA GB CMB", length=4),
     ),
     *_group(
         "a stiffness or flexibility matrix",

@@ -26,7 +26,7 @@ _DATA_END = 72
 """Columns before the first data field, and up to the end of the last one, of a line in small field."""
 _FIELDS_PER_LINE = 8
 """Data fields of a line in small field."""
-_FEWEST_CARDS = 100
+FEWEST_CARDS = 100
 """Number of cards below which reading them one by one is as fast as setting up arrays."""
 _UNREADABLE = "?"
 """Fills a field that is too long, so that it is not read as a number."""
@@ -92,7 +92,7 @@ def _together(given: Mask, allowed: Mask) -> Mask:
 
 def columns_of(cards: Sequence[Card]) -> Columns | None:
     """Columns of cards of one name; None if there are few."""
-    if len(cards) < _FEWEST_CARDS:
+    if len(cards) < FEWEST_CARDS:
         return None
     most = max(_lines(card) for card in cards)
     wide = np.array([not card.plain and any(len(field) > _SMALL_WIDTH for field in card.fields) for card in cards])

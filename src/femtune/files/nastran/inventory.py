@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 
 from femtune.errors import FemtuneError, Notice, Where
+from femtune.files.nastran.card import Card
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.loads import is_read
@@ -26,7 +27,7 @@ _NOT_NEEDED_NAMES = """
     AEDW AEFACT AEFORCE AELINK AELIST AEPARM AEPRESS AERO AEROS AESTAT AESURF AESURFS CAERO1 CAERO2 CAERO3 CAERO4
     CAERO5 CSSCHD DIVERG FLFACT FLUTTER GUST MKAERO1 MKAERO2 PAERO1 PAERO2 PAERO3 PAERO4 PAERO5 SET1 SET2 SET3 SPLINE1
     SPLINE2 SPLINE3 SPLINE4 SPLINE5 SPLINE6 SPLINE7 TRIM UXVEC
-    BCONP BFRIC BLSEG BOUTPUT CHBDYE CHBDYG CHBDYP CONV CONVM MAT4 MAT5 PCONV PCONVM PHBDY QBDY1 QBDY2 QBDY3 QHBDY
+    BCONP BFRIC BLSEG BOUTPUT CHBDY CHBDYE CHBDYG CHBDYP CONV CONVM MAT4 MAT5 PCONV PCONVM PHBDY QBDY1 QBDY2 QBDY3 QHBDY
     QVECT QVOL RADBC RADM RADMT RADSET TEMPBC VIEW VIEW3D
     DCONADD DCONSTR DDVAL DEQATN DESVAR DLINK DOPTPRM DRESP1 DRESP2 DRESP3 DSCREEN DVCREL1 DVCREL2 DVGRID DVMREL1
     DVMREL2 DVPREL1 DVPREL2 DVBSHAP DVSHAP TOPVAR
@@ -42,19 +43,29 @@ _ELEMENTS = frozenset(_ELEMENT_NAMES.split())
 _TEMPERATURE = "materials do not depend on temperature here; those on the material card are used"
 _SINGULAR = "degrees of freedom without stiffness are constrained nevertheless"
 _BY_FREQUENCY = "values do not depend on frequency or force here; those on the property card are used"
+_SECTOR = "cyclic symmetry is not modelled; the modes are those of one segment, whose sides are free"
 _REMARKS = {
+    **dict.fromkeys(("CYAX", "CYJOIN", "CYSUP", "CYSYM"), _SECTOR),
     **dict.fromkeys(("PBUSHT", "PELAST", "PDAMPT"), _BY_FREQUENCY),
     **dict.fromkeys(("MATT1", "MATT2", "MATT3", "MATT8", "MATT9"), _TEMPERATURE),
     **dict.fromkeys(("SPCOFF", "SPCOFF1"), _SINGULAR),
     "SWLDPRM": "welds and fasteners have the default settings",
     "PFASTT": _BY_FREQUENCY,
-    "DMIG": "case control does not select these matrices",
+    "DMIG": "case control selects none of these matrices as K2GG, M2GG, B2GG or K42GG",
 }
-_ELEMENT_NAME = re.compile(r"C[A-Z][A-Z0-9]*")
+_FEWEST_POINTS = 2
+"""Grid points in its third and further fields from which a card C… of unknown name is an element."""
+_ELEMENT_NAME = re.compile(
+    r"C(A(ABS|CIN|XIF)|B(AR|EAM|ELT|END|USH|UTT)|C(ONE|RSF)|D(AMP|ISTEL|UM)|ELAS|F(AST|ILL|LUID)|GAP|H(AC|EX)|I(F|HEX|NTC|S2|S3)"
+    r"|MASS|ON(EAX|M|ROD)|P(ENT|LST|YR)|Q(D|U)|R(AC|OD)|S(EAM|HEAR|LOT|PH|POT|PR|SHL)|T(ET|IRE|ORDRG|R|UBE|WIST)|VISC"
+    r"|W(ED|ELD|SEAM))[A-Z0-9]*"
+)
+"""Names of the elements of MSC Nastran, Simcenter Nastran and NASTRAN-95, by their beginnings."""
 _NO_ELEMENTS = (
-    "CAALOAD", "CAERO", "CAMPBLL", "CLOAD", "CMETHOD", "CMSMETH", "CNGRNT", "CNTNLSUB", "CNTSTB", "COHFRIC", "COMBWLD",
-    "CONCTL", "CONNECT", "CONTACT", "CONTF", "CONTPRM", "CONTREL", "CONTRLT", "CONTX", "CONV", "CORD", "COUOPT", "COUP",
-    "CRAKTP", "CREEP", "CROSSEC", "CSCHD", "CSET", "CSMSET", "CSPLIN", "CYAX", "CYC", "CYJOIN", "CYSUP", "CYSYM",
+    "CAALOAD", "CAERO", "CAMPBLL", "CBARAO", "CLOAD", "CMETHOD", "CMSMETH", "CNGRNT", "CNTNLSUB", "CNTSTB", "COHFRIC",
+    "COMBWLD", "CONCTL", "CONNECT", "CONTACT", "CONTF", "CONTPRM", "CONTREL", "CONTRLT", "CONTX", "CONV", "CORD",
+    "COUOPT", "COUP", "CRAKTP", "CREEP", "CROSSEC", "CSCHD", "CSET", "CSMSET", "CSPLIN", "CYAX", "CYC", "CYJOIN",
+    "CYSUP", "CYSYM",
 )  # fmt: skip
 """Beginnings of the names of other cards of the form C…: aerodynamics, contact, coordinates, loads, sets."""
 
@@ -72,9 +83,20 @@ class CardUse:
 def take_inventory(deck: Deck) -> tuple[CardUse, ...]:
     """Every card name of the deck, in the order in which they occur."""
     return tuple(
-        CardUse(name, len(cards), cards[0].where(), READ if _read_here(deck, name) else use_of(name))
-        for name, cards in deck.names.items()
+        CardUse(name, len(cards), cards[0].where(), _use_in(deck, name, cards[0])) for name, cards in deck.names.items()
     )
+
+
+def _use_in(deck: Deck, name: str, first: Card) -> str:
+    """Use of the cards of a name in a deck: an unknown C… is an element if it refers to two grid points or more."""
+    if _read_here(deck, name):
+        return READ
+    use = use_of(name)
+    if use == IGNORED and name.startswith("C") and not name.startswith(_NO_ELEMENTS):
+        points = {card.text(0) for card in deck.by_name("GRID")}
+        if sum(first.text(at) in points for at in range(2, 10)) >= _FEWEST_POINTS:
+            return MISSING
+    return use
 
 
 def _read_here(deck: Deck, name: str) -> bool:

@@ -1,4 +1,5 @@
-"""Rigid elements as equations: RBE1, RBE2, RBE3, RBAR, RBAR1, RTRPLT, RTRPLT1, RROD, RSPLINE."""
+"""Rigid elements as equations: RBE1, RBE2, RBE3, RBAR, RBAR1, RTRPLT, RTRPLT1, RROD, RSPLINE, and CRIGD1, CRIGD2,
+CRIGD3 and CRIGDR of NASTRAN-95."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ from femtune.files.nastran.lists import read_list
 # Rigid elements whose cards hold lists of any length: RBE1 and RBE3.
 
 
-_WORDS = ("UM", "ALPHA")
+_WORDS = ("UM", "MSET", "ALPHA")
 Pairs = list[tuple[int, list[int]]]
 
 
@@ -62,7 +63,7 @@ class _Fields:
 
 
 def body_rows(record: CardEntry, grids: Grids) -> ConstraintRows:
-    """RBE1: independent components GNi, CNi; dependent ones after UM."""
+    """RBE1 and CRIGD3: independent components GNi, CNi; dependent ones after UM (MSET of CRIGD3)."""
     fields = _Fields(record.card, 1)
     independent = _pairs(fields)
     dependent = _after_words(fields).get("UM", [])
@@ -110,7 +111,7 @@ def _after_words(fields: _Fields) -> dict[str, Pairs]:
     pairs: dict[str, Pairs] = {}
     while (at := fields.next()) is not None:
         word = fields.card.text(fields.take())
-        if word == "UM":
+        if word in ("UM", "MSET"):
             pairs.setdefault("UM", []).extend(_pairs(fields))
         elif word == "ALPHA" or fields.card.is_real(at):
             fields.card.real(fields.take() if word == "ALPHA" else at)
@@ -189,15 +190,28 @@ def _spider(record: CardEntry, grids: Grids) -> ConstraintRows:
     return rigid_element_rows(grids.table, record.integer("GN"), numbers, components, record.integer("EID"))
 
 
-def _dependents(record: CardEntry) -> list[int]:
-    """Grid points GM1, GM2 …; a real number at the end is the thermal expansion coefficient."""
-    fields = list(record.card.fields[3:])
-    while fields and (not fields[-1].strip() or record.card.is_real(2 + len(fields))):
+def _dependents(record: CardEntry, first: int = 3) -> list[int]:
+    """Grid points from field `first` on; a real number at the end is the thermal expansion coefficient."""
+    fields = list(record.card.fields[first:])
+    while fields and (not fields[-1].strip() or record.card.is_real(first - 1 + len(fields))):
         fields.pop()
     numbers = listed_numbers(record, fields)
     if not numbers:
         raise record.error("deck.field-value/rbe2-dependents")
     return numbers
+
+
+def _old_spider(record: CardEntry, grids: Grids) -> ConstraintRows:
+    """CRIGD1: all components of G1, G2 …; CRIGD2: components C1 of G1, C2 of G2 …; both follow those of IG."""
+    if record.name == "CRIGD1":
+        dependent = [(n, list(ALL_COMPONENTS)) for n in _dependents(record, 2)]
+    else:
+        dependent = _pairs(_Fields(record.card, 2))
+    if not dependent:
+        raise record.error("deck.field-value/rbe2-dependents")
+    first = record.integer("IG")
+    _check_points(record, grids, [first, *(n for n, _ in dependent)])
+    return rigid_body_rows(grids.table, [(first, list(ALL_COMPONENTS))], dependent, record.integer("EID"))
 
 
 def _bar(record: CardEntry, grids: Grids) -> ConstraintRows:
@@ -226,9 +240,11 @@ def _plate(record: CardEntry, grids: Grids) -> ConstraintRows:
 
 def _rod(record: CardEntry, grids: Grids) -> ConstraintRows:
     a, b = _points(record, grids, "GA", "GB")
-    chosen = [(end, c) for end, name in enumerate(("CMA", "CMB")) for c in _of(record, name)]
+    # the dependent component of CRIGDR is one of its second point
+    names = ((1, "CMB"),) if record.name == "CRIGDR" else ((0, "CMA"), (1, "CMB"))
+    chosen = [(end, c) for end, name in names for c in _of(record, name)]
     if len(chosen) != 1 or chosen[0][1] > 3:
-        raise record.error("deck.field-value/rrod-component", at="CMA")
+        raise record.error("deck.field-value/rrod-component", at=names[0][1])
     return rigid_rod_rows(grids.table, (a, b), chosen[0], record.integer("EID"))
 
 
@@ -285,4 +301,8 @@ _READERS: dict[str, Callable[[CardEntry, Grids], ConstraintRows]] = {
     "RTRPLT": _plate,
     "RTRPLT1": _first_rules,
     "RSPLINE": _spline,
+    "CRIGD1": _old_spider,
+    "CRIGD2": _old_spider,
+    "CRIGD3": body_rows,
+    "CRIGDR": _rod,
 }

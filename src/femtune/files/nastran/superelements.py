@@ -278,7 +278,7 @@ def boundary_pairs(deck: Deck, sections: Sequence[BulkSection], notices: list[No
         notices += _far_pairs(sections, meshes, listed, card.where(), card.record)
         pairs += listed
     for i, j in _neighbours(deck, sections, meshes):
-        matched = list(_found_pairs(deck, sections, meshes, i, j))
+        matched = list(joined_pairs(deck, sections, meshes, i, j))
         notices += _far_pairs(sections, meshes, matched, _where(deck, sections, i, j), "the search of boundary points")
         notices += _near_misses(deck, sections, meshes, (i, j), {*pairs, *matched})
         pairs += matched
@@ -440,7 +440,7 @@ def _searched(deck: Deck, sections: Sequence[BulkSection], i: int, j: int) -> li
     return [card for card in cards if card is None or card.text(3, "AUTO") == "AUTO"]
 
 
-def _found_pairs(
+def joined_pairs(
     deck: Deck, sections: Sequence[BulkSection], meshes: Sequence[_Mesh], i: int, j: int
 ) -> Iterator[tuple[Point, Point]]:
     """Coincident points of two sections."""

@@ -89,9 +89,10 @@ def check_version(data: dict[str, Any], source: StudyLines) -> None:
 def toml_text(file: Path) -> str:
     """The text of a TOML file (errors ``study.missing-file``, ``study.syntax``)."""
     where = Where(str(file))
-    if not file.is_file():
-        raise FemtuneError("study.missing-file/study", where=where)
     try:
+        # a folder that must not be looked into raises an error
+        if not file.is_file():
+            raise FemtuneError("study.missing-file/study", where=where)
         content = file.read_bytes()
     except OSError as error:
         raise FemtuneError("study.missing-file/unreadable", where=where, reason=error.strerror) from error

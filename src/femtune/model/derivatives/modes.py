@@ -24,15 +24,15 @@ from femtune.model.solvers.interface import Factor
 
 _TOLERANCE = 1e-13
 """Residual in energy, relative to the force, at which the conjugate gradients stop."""
-_ENOUGH = 1e-7
+ENOUGH = 1e-7
 """The same that is accepted if rounding prevents a smaller one."""
 _LEAST_PART = 1e-12
 """Energy of a force, relative to the whole force, below which the rest of a second pass is rounding."""
-_MOST_STEPS = 400
+MOST_STEPS = 400
 """Steps of the conjugate gradients."""
 _REPEATED = 1e-9
 """|λ_j − λ_h| relative to λ_j − σ below which two modes cross exactly: the quotient would have no digits."""
-_STURM_FACTOR_FROM = 60_000
+STURM_FACTOR_FROM = 60_000
 """DOFs from which on a solution keeps the factors of the Sturm count, and not those of its own shift."""
 _PENCILS: WeakKeyDictionary[ModelPoint, Pencil] = WeakKeyDictionary()
 _FACTORS: WeakKeyDictionary[EigenSolution, Factor] = WeakKeyDictionary()
@@ -132,7 +132,7 @@ def outside(solution: EigenSolution, eigenvalues: Reals, gaps: Reals, forces: Re
     size = known.energy(forces)
     rest, out = forces, np.zeros_like(forces)
     for least in (size, _LEAST_PART * size):
-        out += phi @ ((phi.T @ rest) * gaps) + known.solve(eigenvalues, -rest, least, _ENOUGH)
+        out += phi @ ((phi.T @ rest) * gaps) + known.solve(eigenvalues, -rest, least, ENOUGH)
         rest = forces + pencil.stiffness @ out - eigenvalues * (pencil.mass @ out)
     return out
 
@@ -198,8 +198,8 @@ class Complement:
         r = self._without_modes(b)
         y, z = np.zeros_like(b), self._precondition(r)
         d, rho = z.copy(), np.einsum("ij,ij->j", r, z)
-        progress = _Progress(np.maximum(np.abs(rho), least), tolerance)
-        for _ in range(_MOST_STEPS):
+        progress = SeriesProgress(np.maximum(np.abs(rho), least), tolerance)
+        for _ in range(MOST_STEPS):
             if progress.is_done(rho):
                 return y
             q = self._pencil.stiffness @ d - eigenvalue * (self._pencil.mass @ d)
@@ -221,7 +221,7 @@ class Complement:
         return np.asarray(z - self._phi @ (self._m_phi.T @ z))
 
 
-class _Progress:
+class SeriesProgress:
     """Which columns have converged: further steps on them would accumulate rounding."""
 
     def __init__(self, start: Reals, tolerance: float) -> None:
@@ -232,13 +232,13 @@ class _Progress:
         """True where no column is left, at the energies rho of the residuals."""
         left = np.abs(rho) / self._start
         self._best = np.minimum(self._best, left)
-        self.done |= (left <= self._aim) | ((self._best <= _ENOUGH**2) & (left > 100.0 * self._best))
+        self.done |= (left <= self._aim) | ((self._best <= ENOUGH**2) & (left > 100.0 * self._best))
         return bool(self.done.all())
 
     @property
     def is_enough(self) -> bool:
         """True where all columns came near at least."""
-        return bool((self._best <= _ENOUGH**2).all())
+        return bool((self._best <= ENOUGH**2).all())
 
 
 def not_converged(eigenvalue: float) -> FemtuneError:
@@ -260,7 +260,7 @@ def deflated_factor(solution: EigenSolution) -> tuple[float, Factor]:
     that are available, so that a solution that was read from a file gives the same numbers. Large solutions have the
     factors of the Sturm count.
     """
-    if len(solution.shapes) < _STURM_FACTOR_FROM or solution.sturm_count < 0:
+    if len(solution.shapes) < STURM_FACTOR_FROM or solution.sturm_count < 0:
         return solution.shift, solution.factor
     factor = _sturm_factor(solution)
     # a solver that does not exchange pivots is not accurate if the matrix is indefinite

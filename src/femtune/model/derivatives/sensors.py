@@ -197,7 +197,7 @@ def _orthonormal(G: Reals, energy: Reals) -> Reals:
 
 TOLERANCE = 1e-4
 """Error of a derivative relative to the largest entry of its mode at the sensors."""
-_MOST_BLOCKS = 8
+MOST_BLOCKS = 8
 """Blocks of vectors; each brings about one digit."""
 _NEAR = 0.02
 """|λ_j − λ_h| relative to λ_j − σ of modes that may be one cluster: 1 % in frequency."""
@@ -212,7 +212,7 @@ _SMALLEST_ENTRY = 1e-10
 largest mode there."""
 _FLOOR = 1e-8
 """Relative error that the inaccuracy of the further modes may leave."""
-_KEPT: WeakKeyDictionary[EigenSolution, dict[str, SensorDerivatives]] = WeakKeyDictionary()
+KEPT_DERIVATIVES: WeakKeyDictionary[EigenSolution, dict[str, SensorDerivatives]] = WeakKeyDictionary()
 Made = TypeVar("Made")
 
 
@@ -269,7 +269,7 @@ def sensor_derivatives(solution: EigenSolution, rows: sp.csr_array, tolerance: f
     ------
     FemtuneError : ``model.memory``
     """
-    kept = _KEPT.setdefault(solution, {})
+    kept = KEPT_DERIVATIVES.setdefault(solution, {})
     key = digest(rows, tolerance)
     if key not in kept:
         kept[key] = _computed(solution, rows, tolerance)
@@ -334,12 +334,12 @@ def _with_enough_blocks(
 
     A block brings about one digit.
     """
-    first = min(max(ceil(-log10(tolerance)), 2), _MOST_BLOCKS)
+    first = min(max(ceil(-log10(tolerance)), 2), MOST_BLOCKS)
     basis = DualBasis(solution, rows, first)
     along = projected(basis.parts[0])
     while True:
         out = made(basis, along)
-        if len(basis.sizes) >= _MOST_BLOCKS or basis.is_exhausted or is_enough(out):
+        if len(basis.sizes) >= MOST_BLOCKS or basis.is_exhausted or is_enough(out):
             return out
         basis.extend()
         along = np.concatenate([along, projected(basis.parts[-1])], axis=-2)

@@ -33,13 +33,13 @@ def exchange_folder(needed_bytes: int) -> Iterator[Path]:
     parent = os.environ.get(FOLDER, "").strip() or None
     try:
         with tempfile.TemporaryDirectory(prefix="femtune-slepc-", dir=parent, ignore_cleanup_errors=True) as folder:
-            _check_room(Path(folder), needed_bytes)
+            check_room(Path(folder), needed_bytes)
             yield Path(folder)
     except OSError as failed:
         raise FemtuneError("slepc.files/unusable", reason=failed, folder=FOLDER) from failed
 
 
-def _check_room(folder: Path, needed_bytes: int) -> None:
+def check_room(folder: Path, needed_bytes: int) -> None:
     free = shutil.disk_usage(folder).free
     if needed_bytes + _MARGIN_BYTES > free:
         raise FemtuneError(

@@ -196,10 +196,11 @@ def run(folder: Path) -> None:
     command = [*begin, str(_PROGRAM), str(folder)]
     code = run_to_end(command, environment(number), folder / "said.txt")
     if code:
-        raise _failed(command, code, folder / "said.txt")
+        raise failed_run(command, code, folder / "said.txt")
 
 
-def _failed(command: list[str], code: int, said: Path) -> FemtuneError:
+def failed_run(command: list[str], code: int, said: Path) -> FemtuneError:
+    """The error of a launcher that ended with a code, with what it printed last."""
     text = said.read_text(encoding="utf-8", errors="replace")
     # the launcher's own words, framed by lines of dashes, hide the cause
     lines = [line for line in text.partition("-" * 60)[0].splitlines() if line.strip()]

@@ -17,7 +17,7 @@ from femtune.model.distributed.watch import PATIENCE_SECONDS
 SECONDS = "FEMTUNE_SLEPC_SECONDS"
 _DEFAULT_SECONDS = 6 * 3600.0
 """Time limit of one eigen-solution by default."""
-_MOST_OUTPUT_BYTES = 64 << 20
+MOST_OUTPUT_BYTES = 64 << 20
 """Size of the output of the processes above which they are stopped, since they would fill the disk."""
 _POLL_SECONDS = 0.2
 """Time between two looks at the size of the output."""
@@ -68,7 +68,7 @@ def _wait(process: subprocess.Popen[bytes], command: list[str], said: Path, limi
     while time.monotonic() < until:
         with suppress(subprocess.TimeoutExpired):
             return process.wait(_POLL_SECONDS)
-        if said.stat().st_size > _MOST_OUTPUT_BYTES:
+        if said.stat().st_size > MOST_OUTPUT_BYTES:
             raise said_too_much(command)
     raise timeout(command, limit)
 
@@ -91,5 +91,5 @@ def timeout(command: list[str], limit: float) -> FemtuneError:
 def said_too_much(command: list[str]) -> FemtuneError:
     """What the processes write would fill the disk."""
     return FemtuneError(
-        "slepc.failed/too-much-text", values={"command": shlex.join(command)}, mib=_MOST_OUTPUT_BYTES >> 20
+        "slepc.failed/too-much-text", values={"command": shlex.join(command)}, mib=MOST_OUTPUT_BYTES >> 20
     )

@@ -107,19 +107,3 @@ def _each(inverse: Inverse, values: Reals, shapes: Reals) -> Reals:
         energy = column_products(r, inverse.solve(r))
         out[part] = np.sqrt(np.abs(energy) / (values[part] - inverse.shift))
     return out
-
-
-def force_residuals(pencil: Pencil, values: Reals, shapes: Reals) -> Reals:
-    """‖Kφ − λMφ‖/(‖Kφ‖ + |λ|‖Mφ‖) with each row measured by its stiffness, ‖f‖² = Σ f_i²/k_ii.
-
-    Forces and moments differ in unit, and stiffness by decades; f_i²/k_ii is energy everywhere. For the lowest modes
-    this measure ends at the rounding of the product Kφ, which is a small difference of large forces.
-    """
-    scale = 1.0 / np.sqrt(np.maximum(pencil.K.diagonal(), np.finfo(float).tiny))[:, None]
-    out = np.zeros(len(values))
-    for part in pieces(0, len(values)):
-        some = np.asfortranarray(shapes[:, part])
-        elastic, inertial = scale * (pencil.stiffness @ some), scale * (pencil.mass @ some) * values[part]
-        size = np.linalg.norm(elastic, axis=0) + np.linalg.norm(inertial, axis=0)
-        out[part] = np.linalg.norm(elastic - inertial, axis=0) / size
-    return out

@@ -205,7 +205,7 @@ TOLERANCE_OF_OTHERS = 1e-5
 """Residual of the pairs beyond the wanted ones before the last smoothing."""
 _PATIENCE = 5
 """Restarts in a row that may fail to halve the residual before the iteration gives up."""
-_MOST_RESTARTS = 60
+MOST_RESTARTS = 60
 """Restarts after which the iteration gives up; `_PATIENCE` ends it much earlier where it does not converge."""
 _ORTHONORMALITY = 1e-12
 """Largest error of ΦᵀMΦ above which the shapes are made orthonormal once more."""
@@ -250,7 +250,7 @@ class KrylovPairs:
 def begin(operator: Krylov, count: int, start: Reals | None = None, block: int = BLOCK) -> KrylovBasis:
     """A basis of one block, of `start` (n, c), vectors near the wanted ones, or else at random."""
     random = _Random(operator, min(max(block, 1), _WIDEST_BLOCK, operator.rank))
-    basis = KrylovBasis(operator.solve, operator.mass, random.width, _most(operator, count, random.width))
+    basis = KrylovBasis(operator.solve, operator.mass, random.width, most_columns(operator, count, random.width))
     basis.set_block(random.near(start) if _is_usable(start) else random.block())
     return basis
 
@@ -258,7 +258,7 @@ def begin(operator: Krylov, count: int, start: Reals | None = None, block: int =
 def beside(operator: Krylov, count: int, theta: Reals, shapes: Reals, block: int = BLOCK) -> KrylovBasis:
     """A basis that holds pairs that are known exactly, and a random block beside them."""
     random = _Random(operator, min(max(block, 1), _WIDEST_BLOCK, operator.rank))
-    basis = KrylovBasis(operator.solve, operator.mass, random.width, _most(operator, count, random.width))
+    basis = KrylovBasis(operator.solve, operator.mass, random.width, most_columns(operator, count, random.width))
     basis.lock(theta, shapes)
     basis.set_block(random.block())
     return basis
@@ -271,14 +271,14 @@ def iterate(operator: Krylov, basis: KrylovBasis, count: int, wanted: int, toler
     Simon 2000 (thick restarts); Ericsson and Ruhe 1980 (the last smoothing).
     """
     count = min(count, operator.rank)
-    best, patience, restarts, columns = np.inf, _PATIENCE, _MOST_RESTARTS, 0
+    best, patience, restarts, columns = np.inf, _PATIENCE, MOST_RESTARTS, 0
     while True:
         pairs, left = _grown(basis, operator, count, (wanted, tolerance))
         columns = max(columns, basis.k)
         patience = _PATIENCE if left < 0.5 * best else patience - 1
         best, restarts = min(best, left), restarts - 1
         if left <= 1.0 or not patience or not restarts or basis.is_exhausted or basis.k >= operator.rank:
-            converged = _finished(basis, *pairs, columns)
+            converged = finished_pairs(basis, *pairs, columns)
             basis.give_back()
             return converged
         _restart(basis, count)
@@ -306,7 +306,7 @@ def _is_usable(start: Reals | None) -> bool:
     return start is not None and start.shape[1] > 0 and bool(np.isfinite(start).all())
 
 
-def _most(operator: Krylov, count: int, block: int) -> int:
+def most_columns(operator: Krylov, count: int, block: int) -> int:
     """Columns of the basis: enough to need no restart, within the memory allowed."""
     cheap = _BASIS_BYTES // (8 * operator.mass.shape[0])
     return min(max(2 * count + 4 * block, min(4 * count + 16 * block, cheap)), operator.rank + block)
@@ -348,7 +348,7 @@ def _restart(basis: KrylovBasis, count: int) -> None:
     basis.restart(theta, Y)
 
 
-def _finished(basis: KrylovBasis, theta: Reals, Y: Reals, error: Reals, columns: int) -> KrylovPairs:
+def finished_pairs(basis: KrylovBasis, theta: Reals, Y: Reals, error: Reals, columns: int) -> KrylovPairs:
     """Ritz vectors y, smoothed to Sy/θ by the relation SV = VT + QB without a solve, and made M-orthonormal again."""
     inverse = np.divide(1.0, theta, out=np.zeros_like(theta), where=theta != 0.0)
     shapes = multiply(basis.vectors, Y)

@@ -27,11 +27,11 @@ __all__ = ["DENSE_UP_TO", "EigenSolution", "solve_modes"]
 
 _EXTRA_MODES = 6
 """Modes beyond the wanted ones: they serve the derivatives, and the count needs a gap above the wanted modes."""
-_MOST_EXTRA = 400
+MOST_EXTRA = 400
 """Extra modes after which a count that does not agree is an error."""
 _LARGEST = 1e90
 """Largest entry of K and M, and of 1/λ: products of three of them stay below the largest double, 1.8e308."""
-_ONE_FACTOR_FROM = 60_000
+ONE_FACTOR_FROM = 60_000
 """DOFs from which on factors are released before others are computed: two at a time would fill the memory. So would the
 element matrices, which a configured model does not need."""
 
@@ -71,7 +71,7 @@ class EigenSolution:
         first."""
         if self.known_factor is not None:
             return self.known_factor
-        if len(self.shapes) >= _ONE_FACTOR_FROM:
+        if len(self.shapes) >= ONE_FACTOR_FROM:
             object.__setattr__(self, "sturm_factor", None)
         return factorise(self.point.symmetric_stiffness.plus(-self.shift, self.point.symmetric_mass))
 
@@ -152,7 +152,7 @@ def _number_below(point: ModelPoint, max_hz: float) -> int | None:
 def _solved(point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None) -> EigenSolution:
     """The lowest modes, by SLEPc or in this process."""
     _check_start(point, start)
-    if point.configured.n_free >= _ONE_FACTOR_FROM:
+    if point.configured.n_free >= ONE_FACTOR_FROM:
         point.configured.model.release_terms()
     pencil = Pencil(point.symmetric_stiffness, point.symmetric_mass)
     _check_matrices(point, pencil)
@@ -175,7 +175,7 @@ def _from_start(
     point: ModelPoint, pencil: Pencil, start: EigenSolution, wanted: int, limit: Count | None
 ) -> EigenSolution | None:
     """By one factorisation just above the modes; None if this does not find them."""
-    if pencil.n >= _ONE_FACTOR_FROM:
+    if pencil.n >= ONE_FACTOR_FROM:
         start.forget_factors()
     if not is_iterative(pencil, wanted):
         return None
@@ -211,7 +211,7 @@ def _proven(point: ModelPoint, search: EigenSearch, wanted: int, limit: Count | 
         if cut is not None and count.below in (None, cut[1]):
             solution = _solution(point, search, values[:accurate], shapes[:, :accurate], (whole, cut, count))
             return replace(solution, method=method_of(search, asked))
-        if asked == possible or extra > _MOST_EXTRA:
+        if asked == possible or extra > MOST_EXTRA:
             raise missed(cut, count.below)
         known = _to_keep(search, values[:accurate], shapes[:, :accurate], cut, count.below)
         extra *= 4
@@ -227,7 +227,7 @@ def _counted(
     cut = cut_above(values, whole, accurate, search.shift, complete)
     if cut is None:
         return None, Count(0.0, None)
-    if search.pencil.n >= _ONE_FACTOR_FROM:
+    if search.pencil.n >= ONE_FACTOR_FROM:
         search.inverse.forget()
     return cut, count_below(search.pencil, cut[0])
 

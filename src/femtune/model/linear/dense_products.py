@@ -21,7 +21,7 @@ _PLAIN = 111
 _TRANSPOSED = 112
 _ROWS_AT_ONCE = 1 << 14
 """Rows that are multiplied together, so that no second array of the size of the whole is made."""
-_LIBRARY_FROM = 200_000
+LIBRARY_FROM = 200_000
 """Numbers in the tall matrix from which on the threads of the library save more than their start costs."""
 _EIGEN_FROM = 64
 """The same for the rows of a small symmetric matrix: below, its threads have nothing to do."""
@@ -52,7 +52,7 @@ def turn(V: Reals, Y: Reals) -> Reals:
 
 def transposed_times(V: Reals, W: Reals) -> Reals:
     """VᵀW for both in Fortran's order."""
-    mkl = pardiso.library() if V.size >= _LIBRARY_FROM else None
+    mkl = pardiso.library() if V.size >= LIBRARY_FROM else None
     if mkl is None or not W.size or not (V.flags.f_contiguous and W.flags.f_contiguous):
         return np.asarray(V.T @ W)
     out = np.empty((V.shape[1], W.shape[1]), order="F")
@@ -62,7 +62,7 @@ def transposed_times(V: Reals, W: Reals) -> Reals:
 
 def in_any_order(A: Reals, B: Reals) -> Reals:
     """A B, in C's order, of arrays that are each in C's or Fortran's order, views that are transposed among them."""
-    mkl = pardiso.library() if max(A.size, B.size) >= _LIBRARY_FROM else None
+    mkl = pardiso.library() if max(A.size, B.size) >= LIBRARY_FROM else None
     kinds = [_order_of(M) for M in (A, B)]
     if mkl is None or None in kinds or not A.size or not B.size:
         return np.ascontiguousarray(A @ B)
@@ -106,7 +106,7 @@ def _product(A: Reals, B: Reals, out: Reals, alpha: float, beta: float) -> Reals
     if not A.size or not B.size:
         out *= beta
         return out
-    mkl = pardiso.library() if A.size >= _LIBRARY_FROM else None
+    mkl = pardiso.library() if A.size >= LIBRARY_FROM else None
     B = np.asfortranarray(B)
     if mkl is not None and A.flags.f_contiguous and out.flags.f_contiguous:
         _call(mkl, _PLAIN, A, B, out, (alpha, beta), (A.shape[0], B.shape[1], B.shape[0]))

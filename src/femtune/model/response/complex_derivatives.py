@@ -72,7 +72,7 @@ def complex_mode_derivative(modes: ComplexModes, mode: int, rows: sp.csr_array |
     bent = _held_solver(stiffness, pole, psi)(b)
     along = -0.5 * _normalisation(stiffness, pole, psi, slope) - by_pole @ bent
     shape = bent + psi[:, None] * along
-    residuals = _residuals(stiffness, pole, shape, b, np.abs(forces) + np.abs(by_pole[:, None] * slope))
+    residuals = relative_residuals(stiffness, pole, shape, b, np.abs(forces) + np.abs(by_pole[:, None] * slope))
     if (residuals > _LARGEST_RESIDUAL).any():
         raise _inaccurate(pole, float(residuals.max()))
     return ComplexModeDerivative(slope, shape if rows is None else np.asarray(rows @ shape), residuals)
@@ -152,7 +152,7 @@ def _rough(stiffness: DynamicStiffness, pole: complex, keep: NDArray) -> Solve:
         raise _inaccurate(pole, np.inf) from error
 
 
-def _residuals(
+def relative_residuals(
     stiffness: DynamicStiffness, pole: complex, shape: NDArray, b: NDArray, parts_of_b: NDArray
 ) -> NDArray[np.float64]:
     """Relative to the parts that cancel in Zψ′ − b: b itself is the rounding of larger parts for a single DOF."""

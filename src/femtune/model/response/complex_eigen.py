@@ -70,9 +70,9 @@ class QuadraticProblem:
         theta, y = self._all(solve) if every else self._some(solve, count)
         finite = np.abs(theta) > _INFINITE * np.abs(theta).max(initial=0.0)
         poles, vectors = self.origin - 1.0 / theta[finite], y[: self.n, finite]
-        return np.where(np.abs(poles) <= self._rounding(poles, vectors), 0.0, poles), vectors, every
+        return np.where(np.abs(poles) <= self.rounding_of(poles, vectors), 0.0, poles), vectors, every
 
-    def _rounding(self, poles: Poles, vectors: NDArray) -> Reals:
+    def rounding_of(self, poles: Poles, vectors: NDArray) -> Reals:
         """|λ| below which a pole is the rounding of a rigid-body mode's: what K leaves, over what C does."""
         point, size = self.stiffness.point, np.abs(vectors)
         left = _ROUNDING_OF_SUMS * np.einsum("ij,ij->j", size, np.abs(point.stiffness) @ size)
@@ -231,7 +231,7 @@ def modes_of(modes: EigenSolution, stiffness: DynamicStiffness, count: int) -> C
     poles, vectors, complete = _upper(problem, wanted)
     poles, vectors = _polished(modes, stiffness, poles, vectors)
     psi = _normalised(stiffness, poles, vectors)
-    residuals = _residuals(modes, stiffness, poles, psi)
+    residuals = energy_residuals_of(modes, stiffness, poles, psi)
     _check(stiffness, poles, psi, residuals)
     f = problem.free.shape[1]
     kinds = ("rigid",) * f + tuple(_kind(p) for p in poles)
@@ -301,7 +301,7 @@ def _defective(pole: complex) -> FemtuneError:
     return FemtuneError("response.defective", values={"|pole| (rad/s)": f"{abs(pole):.6g}"})
 
 
-def _residuals(modes: EigenSolution, stiffness: DynamicStiffness, poles: Poles, psi: NDArray) -> Reals:
+def energy_residuals_of(modes: EigenSolution, stiffness: DynamicStiffness, poles: Poles, psi: NDArray) -> Reals:
     """√(rᴴ(K − σM)⁻¹r / ψᴴ(K − σM)ψ) of each mode, with the real modes' shift σ."""
     if not len(poles):
         return np.zeros(0)
@@ -316,7 +316,9 @@ def _polished(
 ) -> tuple[Poles, NDArray]:
     """Poles far above the lowest lose digits to these: each is refined by a step of inverse iteration."""
     poles, vectors = poles.astype(complex), vectors.astype(complex)
-    for j in np.flatnonzero((poles != 0.0) & (_residuals(modes, stiffness, poles, vectors) > _WITHOUT_POLISHING)):
+    for j in np.flatnonzero(
+        (poles != 0.0) & (energy_residuals_of(modes, stiffness, poles, vectors) > _WITHOUT_POLISHING)
+    ):
         poles[j], vectors[:, j] = _inverse_step(stiffness, complex(poles[j]), vectors[:, j])
     return poles, vectors
 
@@ -332,7 +334,7 @@ def _inverse_step(stiffness: DynamicStiffness, pole: complex, v: NDArray) -> tup
     return (complex(better.real) if pole.imag == 0.0 else better), moved
 
 
-def _backward(stiffness: DynamicStiffness, pole: complex, psi: NDArray) -> float:
+def backward_error(stiffness: DynamicStiffness, pole: complex, psi: NDArray) -> float:
     """Residual of one mode relative to the parts that cancel in it, DOFs scaled by their own stiffness and mass."""
     point, size = stiffness.point, abs(pole)
     scale = np.sqrt(np.abs(point.stiffness.diagonal()) + size**2 * np.abs(point.mass.diagonal()))
@@ -344,7 +346,7 @@ def _backward(stiffness: DynamicStiffness, pole: complex, psi: NDArray) -> float
 def _check(stiffness: DynamicStiffness, poles: Poles, psi: NDArray, residuals: Reals) -> None:
     """Refuse a residual above 1e-8 that is not the rounding of large parts, as that of very fine meshes is."""
     for j in np.flatnonzero(~(residuals <= _ACCURACY)):
-        rounding = _backward(stiffness, complex(poles[j]), psi[:, j]) <= _BACKWARD_ROUNDING
+        rounding = backward_error(stiffness, complex(poles[j]), psi[:, j]) <= _BACKWARD_ROUNDING
         if not (rounding and residuals[j] <= _LARGEST_RESIDUAL):
             raise FemtuneError("complex.inaccurate", values={"pole (rad/s)": f"{poles[j]:.6g}"}, residual=residuals[j])
 

@@ -115,7 +115,7 @@ class DynamicStiffness:
         if self.damper is None or not self.damper.rates.any():
             return factorise(self.sparse(s)).solve
         base, damped = self.sparse(s), self.damper.weights(complex(s))
-        props, weights = self._props(s)
+        props, weights = self.grounded_dofs(s)
         if not len(props):
             return low_rank_solver(factorise(base), self.damper.momentum, damped)
         base = sp.csr_array(base + sp.diags_array(1j * np.bincount(props, weights, base.shape[0])))
@@ -124,7 +124,7 @@ class DynamicStiffness:
         columns = np.hstack([self.damper.momentum, unit])
         return low_rank_solver(factorise(base), columns, np.concatenate([damped, -1j * weights]))
 
-    def _props(self, s: complex) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def grounded_dofs(self, s: complex) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """DOFs that are tied to ground by imaginary springs in the sparse part, and taken off again in the low rank.
 
         Near a resonance the sparse part alone would be singular: only the modal damping holds it.

@@ -29,7 +29,7 @@ PARDISO_FROM_COMPLEX = 300
 """The same for a complex matrix: SuperLU's complex kernels are much slower if their threads wait for one another."""
 
 SOLVER_VARIABLE = "FEMTUNE_SOLVER"
-_KEPT: OrderedDict[tuple[str, bool, bytes], tuple[Analysis, int]] = OrderedDict()
+KEPT_ANALYSES: OrderedDict[tuple[str, bool, bytes], tuple[Analysis, int]] = OrderedDict()
 _MOST_KEPT = 8
 """Analyses that are kept for further matrices of the same pattern."""
 _MOST_ENTRIES = 50_000_000
@@ -61,12 +61,14 @@ def analyse(matrix: SymmetricMatrix, solver: str | None = None) -> Analysis:
     """
     name = _chosen(matrix, solver)
     key = (name, bool(np.iscomplexobj(matrix.data)), _digest(matrix))
-    if key not in _KEPT:
-        _KEPT[key] = _ANALYSES[name](matrix), len(matrix.indices)
-    _KEPT.move_to_end(key)
-    analysis = _KEPT[key][0]
-    while len(_KEPT) > _MOST_KEPT or (len(_KEPT) > 1 and sum(n for _, n in _KEPT.values()) > _MOST_ENTRIES):
-        _KEPT.popitem(last=False)
+    if key not in KEPT_ANALYSES:
+        KEPT_ANALYSES[key] = _ANALYSES[name](matrix), len(matrix.indices)
+    KEPT_ANALYSES.move_to_end(key)
+    analysis = KEPT_ANALYSES[key][0]
+    while len(KEPT_ANALYSES) > _MOST_KEPT or (
+        len(KEPT_ANALYSES) > 1 and sum(n for _, n in KEPT_ANALYSES.values()) > _MOST_ENTRIES
+    ):
+        KEPT_ANALYSES.popitem(last=False)
     return analysis
 
 

@@ -80,7 +80,7 @@ def _candidates() -> list[Path]:
     return [Path(str(f.locate())) for f in files if name and f.name.startswith(name)]
 
 
-class _Handle:
+class PardisoHandle:
     """PARDISO's memory for one pattern: the symbolic factorisation and up to `_SLOTS` numerical ones."""
 
     def __init__(self, matrix: SymmetricMatrix, ordering: Integers | None) -> None:
@@ -146,7 +146,7 @@ class PardisoAnalysis:
     def __init__(self, matrix: SymmetricMatrix, ordering: Integers | None = None) -> None:
         work = _ANALYSIS_BYTES_PER_ENTRY * len(matrix.indices)
         require_memory(work, "model.memory/ordering", equations=matrix.shape[0])
-        self._handle = _Handle(matrix, ordering)
+        self._handle = PardisoHandle(matrix, ordering)
         self._slots = list(range(_SLOTS, 0, -1))
         self._further: PardisoAnalysis | None = None
 
@@ -175,7 +175,7 @@ class PardisoFactor:
 
     name = "PARDISO"
 
-    def __init__(self, handle: _Handle, slots: list[int], matrix: SymmetricMatrix) -> None:
+    def __init__(self, handle: PardisoHandle, slots: list[int], matrix: SymmetricMatrix) -> None:
         # pivots are judged by the largest entry, so rows of very different stiffness are scaled alike
         self._scale = unit_diagonal(matrix)
         self._values = scaled(matrix, self._scale)

@@ -45,19 +45,19 @@ class SuperLuFactor:
         full = matrix.full()
         columns = sp.csc_array((full.data, full.indices, full.indptr), shape=full.shape)
         try:
-            self._lu = spla.splu(columns, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+            self.factors = spla.splu(columns, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         except RuntimeError as error:
             raise SingularMatrixError(str(error)) from error
 
     @property
     def negative_pivots(self) -> int | None:
         """Count of negative diagonal entries of U, where rows and columns were permuted alike."""
-        if self._lu.U.dtype == complex or (self._lu.perm_r != self._lu.perm_c).any():
+        if self.factors.U.dtype == complex or (self.factors.perm_r != self.factors.perm_c).any():
             return None
-        return int((self._lu.U.diagonal() < 0).sum())
+        return int((self.factors.U.diagonal() < 0).sum())
 
     def solve(self, b: NDArray) -> NDArray:
         """A⁻¹ b; real where A and b are."""
-        if self._lu.U.dtype == complex or not np.iscomplexobj(b):
-            return self._lu.solve(np.asarray(b, dtype=self._lu.U.dtype))
+        if self.factors.U.dtype == complex or not np.iscomplexobj(b):
+            return self.factors.solve(np.asarray(b, dtype=self.factors.U.dtype))
         return self.solve(b.real) + 1j * self.solve(b.imag)

@@ -22,7 +22,7 @@ SMALL = 0.1
 """Error of superposed FRFs in standard deviations of the measured ones up to which it is small."""
 FURTHER_TIMES = (3.0, 4.0)
 """Frequency up to which modes are superposed, over the highest line, if `TIMES_HIGHEST_LINE` leaves a larger error."""
-_MOST_DOFS = 30_000
+MOST_DOFS = 30_000
 """Free DOFs up to which the error is computed; direct solutions of larger models would take as long as the update."""
 _COMPARED_LINES = 4
 """Evenly spaced lines at which all functions are also solved directly; each costs a factorisation."""
@@ -96,7 +96,7 @@ def with_enough_modes(residual: FrfResidual, state: CaseState) -> tuple[FrfResid
     """
     way, times = residual.way, TIMES_HIGHEST_LINE
     superposed = way.method != "direct" and way.residual_vectors and way.modes is not None
-    if way.limit or not superposed or state.full.configured.n_free > _MOST_DOFS or residual.known(state) is not None:
+    if way.limit or not superposed or state.full.configured.n_free > MOST_DOFS or residual.known(state) is not None:
         return residual, times
     error = truncation(residual, state).largest
     for further in FURTHER_TIMES:
@@ -141,7 +141,7 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
     if way.method == "direct" and reduced is None:
         return summary
     summary = replace(summary, vectors=way.residual_vectors, order=None if reduced is None else reduced.order)
-    if reduced is not None and (large := state.full.configured.n_free) > _MOST_DOFS:
+    if reduced is not None and (large := state.full.configured.n_free) > MOST_DOFS:
         return replace(summary, large=large)
     values = residual.functions(model)[0] if reduced is None else reduced.values
     at = _lines(residual, np.abs(values))

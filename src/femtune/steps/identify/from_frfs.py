@@ -13,7 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.files.described_test import read_described
 from femtune.identification.averaging import Averaging, input_output_spectra, no_lost_samples
-from femtune.identification.estimators import estimate_frfs
+from femtune.identification.estimators import KIND_OF, estimate_frfs
 from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, still_moving
 from femtune.identification.input_known import InputKnown, NoModesChosen, identify_frfs
 from femtune.identification.join import at_lines
@@ -21,6 +21,7 @@ from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.periodic import periodic_frfs
 from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
+from femtune.identification.whole_record import binned, in_bins, whole_record
 from femtune.modal import ModeSet
 from femtune.steps.identify.choices import picked_poles
 from femtune.steps.identify.identified import Curve, Found
@@ -31,6 +32,7 @@ from femtune.testdata.checks import phase_collinearity
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
     from femtune.identification.input_known import IdentifiedModes
+    from femtune.identification.whole_record import WholeRecord
     from femtune.modal import FrfSet, TimeSeries
     from femtune.testdata import WireFrame
 
@@ -57,9 +59,19 @@ def found_from_file(file: IdentifyFile) -> Found:
 
 
 def found_from_frfs(
-    frfs: FrfSet, file: IdentifyFile, geometry: WireFrame = NO_GEOMETRY, sd: NDArray[np.float64] | None = None
+    frfs: FrfSet,
+    file: IdentifyFile,
+    geometry: WireFrame = NO_GEOMETRY,
+    sd: NDArray[np.float64] | None = None,
+    whole: WholeRecord | None = None,
 ) -> Found:
-    """Modes of functions, with every pole, the fit and the state-space model; `sd` is that of the functions."""
+    """Modes of functions, with every pole, the fit and the state-space model.
+
+    Parameters
+    ----------
+    sd : of the functions, or None
+    whole : the record of which these are the functions, where its lines are to be fitted
+    """
     table = file.identify
     methods = tuple(m for m in table.methods or KNOWN_INPUT if m in KNOWN_INPUT)
     asked = InputKnown(
@@ -67,7 +79,7 @@ def found_from_frfs(
         drop=table.drop_hz, picked=picked_poles(file), real=table.real, exponential_s=table.exponential_s,
     )  # fmt: skip
     try:
-        made = identify_frfs(frfs, asked, sd)
+        made = identify_frfs(frfs, asked, sd, whole)
     except NoModesChosen as chosen_none:
         measured = chosen_none.measured
         nothing = ModeSet(np.zeros(0), np.zeros((len(measured.responses), 0)), measured.responses)
@@ -113,6 +125,8 @@ def _curve(frfs: FrfSet) -> Curve:
     return Curve(frfs.freq_hz, level, "all functions together")
 
 
+_HITS_LEFT = ("identify.hit-left-out", "identify.hits-doubtful")
+"""Notices of hits that are wrong: then the whole record is wrong too."""
 DEFAULT_LINES = 400
 """Lines of a band if no resolution is requested, as far as the record allows with eight segments.
 
@@ -139,14 +153,42 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     """
     dead = np.all([dead_channels(record) for record in records], axis=0)
     alive = [i for i, c in enumerate(records[0].channels) if c.role == "input" or not dead[i]]
-    frfs, sd, notices = functions_of([record.select_channels(alive) for record in records], file)
+    living = [record.select_channels(alive) for record in records]
+    whole, hits = _whole(living, file), is_impulsive(living[0]) if len(living[0].positions("input")) == 1 else False
+    if whole is not None and not hits:
+        whole = in_bins(whole, FUNCTION_LINES)
+        frfs, sd = binned(whole)
+        return found_from_frfs(frfs, file, sd=sd, whole=whole)
+    frfs, sd, notices = functions_of(living, file)
+    if any(notice.code in _HITS_LEFT for notice in notices):
+        whole = None
     usable = np.isfinite(frfs.values).all(axis=(0, 1)) & (frfs.freq_hz > 0.0)
     kept = np.flatnonzero(usable)
     errors = sd[:, :, kept]
     known = np.isfinite(errors).all() and (errors > 0.0).all()
     with with_notices(notices):
-        found = found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None)
+        found = found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None, whole=whole)
     return replace(found, notices=(*notices, *found.notices))
+
+
+def _whole(records: Sequence[TimeSeries], file: IdentifyFile) -> WholeRecord | None:
+    """The lines of a record with one force, where nothing else was asked for.
+
+    What follows a single hit cannot be told from what its end leaves out, since both are free decays.
+    """
+    table, record = file.identify, records[0]
+    asked = (table.period_s, table.resolution_hz, table.exponential_s, table.force_window_s)
+    responses = [record.channels[i] for i in record.positions("response") + record.positions("reference")]
+    quantities = {c.quantity for c in responses}
+    if len(records) > 1 or any(one is not None for one in asked) or table.estimator != "H1" or len(quantities) != 1:
+        return None
+    if len(record.positions("input")) != 1 or np.isnan(record.values).any():
+        return None
+    if is_impulsive(record) and len(hits_of(records).blocks) < LEAST_HITS:
+        return None
+    kind = KIND_OF.get(quantities.pop())
+    low, high = table.band_hz or (0.0, 0.5 * record.even_hz)
+    return None if kind is None else whole_record(record, kind, low, high)
 
 
 def functions_of(
@@ -166,6 +208,8 @@ def functions_of(
     return replace(estimate.frfs, source=record.source), estimate.sd, ()
 
 
+FUNCTION_LINES = 2000
+"""Functions of a whole record in a band at most, by which poles are found; the fit has all of its lines."""
 MOST_LINES = 4000
 """Lines of a band that a block of a hit may have: longer blocks are cut, since the response has decayed long before."""
 

@@ -9,7 +9,7 @@ standard deviations of all proposed parameters, including its own, then stay bel
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -129,13 +129,14 @@ class Proposed:
 
 def candidates(built: BuiltModel) -> list[FieldCandidate]:
     """The fields of properties, materials, joints and masses that elements use and that have usual bounds."""
-    return list(_candidates(built))
+    return list(fields_of_kinds(built, KIND_OF_FIELD))
 
 
-def _candidates(built: BuiltModel) -> Iterator[FieldCandidate]:
+def fields_of_kinds(built: BuiltModel, kinds: Mapping[tuple[str, str], ProposalKind]) -> Iterator[FieldCandidate]:
+    """The fields that elements use, of the kinds that are given by card and name of the field."""
     table = built.structure.values
     for ref, value in zip(table.refs, table.values):
-        kind = KIND_OF_FIELD.get((ref.card, ref.name))
+        kind = kinds.get((ref.card, ref.name))
         if kind is None or ref.region or not value or ref not in built.fields:
             continue
         try:

@@ -52,7 +52,7 @@ def mode_shapes(
     stored: Arrays = {
         **_geometry(case.configured, mesh),
         "translations": grid_translations(case.configured, solution, rows),
-        **_energies(case.configured, solution, mesh),
+        **element_shares(case.configured, solution, mesh),
         **_measured(case, solution),
     }
     return _stored(case, version, mesh, stored, f"{prefix}/shapes", arrays)
@@ -158,7 +158,7 @@ def _in_basic_axes(
     return np.einsum("nij,njm->nim", configured.model.structure.nodes.frames[rows], motion.reshape(len(rows), 3, -1))
 
 
-def _energies(configured: ConfiguredModel, solution: EigenSolution, mesh: DrawnMesh) -> dict[str, NDArray]:
+def element_shares(configured: ConfiguredModel, solution: EigenSolution, mesh: DrawnMesh) -> dict[str, NDArray]:
     """Shares of the elements in the strain energy, %, of the lines that are drawn, and of all else at the points."""
     most = max(1, _ENTRIES_PER_BATCH // solution.shapes.shape[0])
     parts = [

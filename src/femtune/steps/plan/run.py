@@ -252,9 +252,17 @@ class _Plan:
         lines_hz = None if lines is None else arrays[lines.calibration_key]
         counts = self._counts(given)
         designer = Designer(
-            self.study, self.case, self.solution, targets.positions, table, self.sites, given, counts, lines_hz,
-            self.progress,
-        )  # fmt: skip
+            study=self.study,
+            case=self.case,
+            solution=self.solution,
+            targets=targets.positions,
+            table=table,
+            sites=self.sites,
+            given=given,
+            counts=counts,
+            lines_hz=lines_hz,
+            progress=self.progress,
+        )
         design = designer.design()
         placed, triaxial = design.placed, counts[0]
         anywhere = outcome_of(candidate_shapes(self.sites, design.uniaxial, bool(triaxial)))

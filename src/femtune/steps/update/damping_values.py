@@ -51,10 +51,16 @@ def _entry(study: Study, entry: Parameter, parameter: ParameterResult | None) ->
         return None
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
     return DampingEntry(
-        entry.name, _kind(entry.targets[0]), tuple(map(str, entry.targets)),
-        scale * parameter.value, scale * parameter.sd,
-        entry.unit if entry.absolute else "", study.source.name, today, study.file.study.title[:500],
-    )  # fmt: skip
+        name=entry.name,
+        of=_kind(entry.targets[0]),
+        fields=tuple(map(str, entry.targets)),
+        value=scale * parameter.value,
+        sd=scale * parameter.sd,
+        unit=entry.unit if entry.absolute else "",
+        source=study.source.name,
+        date=today,
+        study=study.file.study.title[:500],
+    )
 
 
 def _value_of_all(study: Study, refs: tuple[FieldRef, ...]) -> float | None:

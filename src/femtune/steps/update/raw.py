@@ -65,7 +65,7 @@ def then_raw(
     None if the study compares no identified test or wants no such update, or if it cannot be made; what happened
     """
     table = study.file.equalise
-    if table is None or table.then != "raw" or study.file.stage or study.source.needs_runs or not _asked(study):
+    if table is None or table.then != "raw" or study.file.stage or study.source.needs_runs or not is_asked(study):
         return None, ()
     if not equalised.status.ok:
         return None, (Notice("update.no-raw/not-converged", ending=equalised.status.value),)
@@ -74,14 +74,14 @@ def then_raw(
     start = equalised
     try:
         for _ in range(_MOST_ROUNDS):
-            now = _round(study, equalised, start, method, tell, search, raw)
+            now = another_round(study, equalised, start, method, tell, search, raw)
             if now is None:
                 break
             raw, start = now, now.result
             if not raw.result.status.ok:
                 break
         else:
-            if raw is not None and not _settled(study, raw):
+            if raw is not None and not is_settled(study, raw):
                 told.append(Notice("update.raw-open", rounds=_MOST_ROUNDS))
     except FemtuneError as error:
         if raw is None:
@@ -92,7 +92,7 @@ def then_raw(
     return raw, tuple(told)
 
 
-def _asked(study: Study) -> bool:
+def is_asked(study: Study) -> bool:
     """Whether some FRFs of an identified test are compared."""
     return any(_identified(r) for case in study.cases if case.used is not None for r in case.used.residuals)
 
@@ -102,7 +102,7 @@ def _identified(residual: Residual) -> bool:
     return isinstance(settled, FrfResidual) and settled.identified is not None
 
 
-def _round(
+def another_round(
     study: Study,
     equalised: UpdateResult,
     start: UpdateResult,
@@ -154,7 +154,7 @@ def _round(
     return RawUpdate(result, on_raw, equalised, damping, search, on_reduced)
 
 
-def _settled(study: Study, raw: RawUpdate) -> bool:
+def is_settled(study: Study, raw: RawUpdate) -> bool:
     """Whether the modes have the same partners at the result as where it began."""
     return _same_partners(_damping_at(study, raw.result), raw.damping)
 

@@ -103,11 +103,17 @@ def _sample(line: Mapping[str, object]) -> Sample:
 def _start(line: Mapping[str, object]) -> StartResult:
     objective, status = line["objective"], line["status"]
     return StartResult(
-        int(str(line["number"])), np.array(line["start"], float), np.array(line["end"], float),
-        np.nan if objective is None else float(str(objective)), None if status is None else Status[str(status)],
-        int(str(line["tries"])), int(str(line["iterations"])), str(line["problem"]), int(str(line["residuals"])),
-        tuple(frozenset(tests) for tests in line["tests"]),  # type: ignore[attr-defined]
-    )  # fmt: skip
+        number=int(str(line["number"])),
+        start=np.array(line["start"], float),
+        end=np.array(line["end"], float),
+        objective=np.nan if objective is None else float(str(objective)),
+        status=None if status is None else Status[str(status)],
+        tries=int(str(line["tries"])),
+        iterations=int(str(line["iterations"])),
+        problem=str(line["problem"]),
+        residuals=int(str(line["residuals"])),
+        tests=tuple(frozenset(tests) for tests in line["tests"]),  # type: ignore[attr-defined]
+    )
 
 
 def find_from_starts(

@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from femtune.errors import FemtuneError
-from femtune.files.nastran.field_refs import resolve
 from femtune.judge.point_masses import PointMass, neighbourhoods, points_without_mass
 from femtune.judge.regions import mesh_of
 from femtune.judge.widened import WideningFactor
 from femtune.model.response.mass import mass_response
-from femtune.steps.init.proposed_parameters import FieldCandidate, ProposalKind, candidates
+from femtune.steps.init.proposed_parameters import FieldCandidate, ProposalKind, candidates, fields_of_kinds
 from femtune.steps.judge.facts.tested_supports import TestedSupport
 from femtune.steps.judge.record.missing import PARAMETER
 
 if TYPE_CHECKING:
     from femtune.fem import Structure
-    from femtune.files.built_model import BuiltModel
     from femtune.judge.regions import Mesh
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
@@ -153,7 +150,7 @@ def tested_fields(study: Study) -> tuple[list[TestedField], list[WideningFactor]
     `femtune.judge.regions`), as deep as there are not too many parts.
     """
     built = study.built
-    mesh, known = mesh_of(built.structure), list(_candidates(built))
+    mesh, known = mesh_of(built.structure), [*candidates(built), *fields_of_kinds(built, _FURTHER)]
     # read from the cards of all elements
     owners = built.property_of_elements
     for depth in range(_DEPTH, -1, -1):
@@ -174,21 +171,6 @@ def tested_fields(study: Study) -> tuple[list[TestedField], list[WideningFactor]
             members = tuple(first + i for i, atom in enumerate(atoms) if atom <= elements)
             fields.append(TestedField(candidate, elements, place, members, region))
     return fields, factors, left_out
-
-
-def _candidates(built: BuiltModel) -> Iterator[FieldCandidate]:
-    yield from candidates(built)
-    table = built.structure.values
-    for ref, value in zip(table.refs, table.values):
-        kind = _FURTHER.get((ref.card, ref.name))
-        if kind is None or ref.region or not value or ref not in built.fields:
-            continue
-        try:
-            resolve(built, ref)
-        except FemtuneError:
-            # what no element uses, or what follows from other fields
-            continue
-        yield FieldCandidate(ref, kind, float(value))
 
 
 Part = tuple[frozenset[int], str, str]

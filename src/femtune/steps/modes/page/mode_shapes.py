@@ -39,7 +39,7 @@ def structure_of(source: ReportSource, kept: ModeShapes) -> Wireframe | None:
     )
 
 
-_MOST_PICTURES = 80_000
+MOST_PICTURES = 80_000
 """Lines and faces in all pictures of the page: it must stay small enough to be sent."""
 
 
@@ -47,7 +47,7 @@ def pictures(source: ReportSource) -> list[Block]:
     """Pictures by configuration; those of the first modes where all would make the page too large."""
     mode_records = source.results.modes
     return [
-        block for modes in mode_records for block in _pictures_of(source, modes, _MOST_PICTURES // len(mode_records))
+        block for modes in mode_records for block in _pictures_of(source, modes, MOST_PICTURES // len(mode_records))
     ]
 
 

@@ -109,9 +109,17 @@ def _forest_row(fact: ParameterFacts, result: ParameterResult | None) -> ForestR
     if result is None or fact.lower is None or fact.upper is None or fact.lower >= fact.upper:
         return None
     return ForestRow(
-        fact.name, fact.unit, fact.lower, fact.upper, fact.nominal, fact.prior_sd,
-        result.value, result.sd, bool(result.at_bound), result.interval_95,
-    )  # fmt: skip
+        name=fact.name,
+        unit=fact.unit,
+        lower=fact.lower,
+        upper=fact.upper,
+        nominal=fact.nominal,
+        prior_sd=fact.prior_sd,
+        final=result.value,
+        sd=result.sd,
+        at_bound=bool(result.at_bound),
+        interval=result.interval_95,
+    )
 
 
 def _table(facts: tuple[ParameterFacts, ...], results: dict[str, ParameterResult]) -> Block:

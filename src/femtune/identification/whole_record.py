@@ -1,0 +1,140 @@
+"""The lines of a whole record with one force: no segments, no window, and the transients of its ends in the fit.
+
+A segment of a record begins with motion that was there before it, and ends before its response does. Windows hide this
+at the price of the resolution: damping that is small beside it is found too large. The transform of a whole record is
+Y = H U + T + noise, exactly. T is a sum of the modes of the structure, with residues of its own, since all that its
+ends leave out are free decays. The modal fit has both.
+
+Source: R. Pintelon, J. Schoukens (2012), System Identification: A Frequency Domain Approach, 2nd edition, chapter 6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.special import chdtri
+
+from femtune.arrays import Complexes, Reals
+from femtune.dofs import DofSet
+from femtune.modal import FrfSet, TimeSeries
+
+MOST_VALUES = 4_000_000
+"""Lines times responses up to which whole records are used: 64 MB."""
+LEAST_LINES = 100
+"""Lines of a band at least."""
+WINDOW = 9
+"""Neighbouring lines whose functions are a parabola, to see the noise."""
+_NEIGHBOURS = 51
+"""Windows of lines over which the median of the noise is taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class WholeRecord:
+    """Lines of a record.
+
+    Parameters
+    ----------
+    frfs : (n, 1, k) Y/U, with the transients that are in them
+    force : (k,) U
+    colour : (k,) size of the noise of a response beside that of the other lines
+    noise : (n, k) its standard deviation, √E|error|² of Y
+    width : neighbouring lines of which each function is the mean; 0 where the functions were made in another way
+    """
+
+    frfs: FrfSet
+    force: Complexes
+    colour: Reals
+    noise: Reals
+    width: int = 0
+
+    def inside(self, low_hz: float, high_hz: float) -> WholeRecord:
+        """The lines of a band."""
+        return self._at(np.flatnonzero((self.frfs.freq_hz >= low_hz) & (self.frfs.freq_hz <= high_hz)))
+
+    def thinned(self, most: int) -> WholeRecord:
+        """At most so many lines, evenly taken."""
+        k = len(self.force)
+        return self._at(np.unique(np.linspace(0, k - 1, min(most, k)).astype(int)))
+
+    def _at(self, kept: NDArray[np.int64]) -> WholeRecord:
+        frfs = replace(self.frfs, freq_hz=self.frfs.freq_hz[kept], values=self.frfs.values[:, :, kept])
+        return replace(self, frfs=frfs, force=self.force[kept], colour=self.colour[kept], noise=self.noise[:, kept])
+
+    def without(self, ends: Complexes) -> WholeRecord:
+        """The lines without the part (n, k) of the functions that the transients of the ends are."""
+        return replace(self, frfs=replace(self.frfs, values=self.frfs.values - ends[:, None, :]))
+
+
+def whole_record(record: TimeSeries, kind: str, low_hz: float, high_hz: float) -> WholeRecord | None:
+    """The lines of a band; None where they are too many or too few, or where the force has none.
+
+    Parameters
+    ----------
+    record : with one input and without lost samples; responses of one quantity
+    kind : of the functions
+    """
+    rows, (column,) = record.positions("response") + record.positions("reference"), record.positions("input")
+    hz = np.fft.rfftfreq(record.samples, 1.0 / record.even_hz)
+    kept = np.flatnonzero((hz >= low_hz) & (hz <= high_hz) & (hz > 0.0))
+    if not LEAST_LINES <= len(kept) <= MOST_VALUES / len(rows):
+        return None
+    values = record.values - np.median(record.values, axis=1, keepdims=True)
+    force = np.fft.rfft(values[column])[kept]
+    if not (np.abs(force) > 1e-9 * np.abs(force).max()).all():
+        return None
+    motion = np.stack([np.fft.rfft(values[i])[kept] for i in rows])
+    noise = _noise(motion, force)
+    if not (noise > 0.0).all():
+        return None
+    log = np.log(noise)
+    colour = np.exp(np.mean(log - log.mean(axis=1, keepdims=True), axis=0))
+    frfs = FrfSet(
+        hz[kept], (motion / force)[:, None, :], DofSet(record.channels[i].dof for i in rows), record.dofs("input"),
+        kind, source=record.source,
+    )  # fmt: skip
+    return WholeRecord(frfs, force, colour, noise)
+
+
+def _noise(motion: Complexes, force: Complexes) -> Reals:
+    """(n, k) √E|error|² near each line: what parabolas over a few neighbouring lines leave, in the median."""
+    n, k = motion.shape
+    count = k // WINDOW
+    at = np.arange(WINDOW) - WINDOW // 2
+    powers = np.vander(at / (WINDOW // 2), 3)
+    pieces = motion[:, : count * WINDOW].reshape(n, count, WINDOW)
+    U = force[: count * WINDOW].reshape(count, WINDOW)
+    # the functions, and the transients of the ends, which do not follow the force
+    basis = np.concatenate([U[:, :, None] * powers, np.broadcast_to(powers[:, 1:] + 0j, (count, WINDOW, 2))], axis=2)
+    Q = np.linalg.qr(basis / np.linalg.norm(basis, axis=1, keepdims=True))[0]
+    left = pieces - np.einsum("cwq,ncq->ncw", Q, np.einsum("cwq,ncw->ncq", Q.conj(), pieces))
+    freedom = WINDOW - Q.shape[2]
+    power = np.sum(np.abs(left) ** 2, axis=2) / freedom
+    width = min(_NEIGHBOURS, 2 * ((count - 1) // 2) + 1)
+    middle = median_filter(power, (1, width), mode="nearest") / (chdtri(2 * freedom, 0.5) / (2 * freedom))
+    return np.asarray(np.sqrt(np.repeat(middle, WINDOW, axis=1)[:, np.minimum(np.arange(k), count * WINDOW - 1)]))
+
+
+def in_bins(whole: WholeRecord, most: int) -> WholeRecord:
+    """With the least `width` that leaves at most so many functions."""
+    return replace(whole, width=-(-len(whole.force) // most))
+
+
+def binned(whole: WholeRecord) -> tuple[FrfSet, Reals]:
+    """Functions of `width` neighbouring lines together, and √E|error|² of each."""
+    k, width = len(whole.force), whole.width
+    count = k // width
+    cut = slice(0, count * width)
+    weights = (np.abs(whole.force[cut]) / whole.colour[cut]).reshape(count, width) ** 2
+    total = weights.sum(axis=1)
+
+    def mean(values: NDArray) -> NDArray:
+        return np.asarray((values[..., cut].reshape(*values.shape[:-1], count, width) * weights).sum(axis=-1) / total)
+
+    size = np.abs(whole.force[cut].reshape(count, width)) ** 2
+    noise = whole.noise[:, cut].reshape(-1, count, width) ** 2
+    sd = np.sqrt((weights**2 * noise / size).sum(axis=2)) / total
+    frfs = replace(whole.frfs, freq_hz=mean(whole.frfs.freq_hz), values=mean(whole.frfs.values))
+    return frfs, sd[:, None, :]

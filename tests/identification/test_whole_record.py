@@ -1,0 +1,108 @@
+"""Whole records with one force: no leakage, transients of the ends fitted, noise found from the lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femtune.dofs import Dof
+from femtune.identification import InputKnown, identify_frfs
+from femtune.identification.modal_fit import fit_modes
+from femtune.identification.shapes import as_modes
+from femtune.identification.whole_record import MOST_VALUES, binned, in_bins, whole_record
+from femtune.modal import Channel, TimeSeries, pole_of
+
+RATE, SECONDS, BAND = 128.0, 40.0, (6.0, 40.0)
+FREQ, DAMPING = np.array([9.0, 17.0, 29.0]), np.array([0.002, 0.004, 0.01])
+SHAPES = np.array([[1.0, 0.7, -0.5], [0.6, -0.9, 0.8]])
+CHANNELS = (*(Channel(Dof(i, "Z"), "acceleration") for i in (1, 2)), Channel(Dof(1, "Z"), "force", role="input"))
+NOISE = 0.01
+
+
+def measured(seed: int) -> tuple[TimeSeries, np.ndarray]:
+    """A record cut out of a longer one under a random force, and the noise of its responses."""
+    rng, samples = np.random.default_rng(seed), round(SECONDS * RATE)
+    length, begin = 4 * samples, round(5.0 * RATE)
+    hz = np.fft.rfftfreq(length, 1.0 / RATE)
+    force = np.zeros(length)
+    force[: samples + 2 * begin] = rng.standard_normal(samples + 2 * begin)
+    lines = np.fft.rfft(force) * (hz < 0.4 * RATE)
+    omega, own = 2.0 * np.pi * hz, 2.0 * np.pi * FREQ[:, None]
+    modal = -(omega**2) / (own**2 - omega**2 + 2j * DAMPING[:, None] * own * omega) * SHAPES[0][:, None]
+    motion = np.fft.irfft(SHAPES @ modal * lines, length)[:, begin : begin + samples]
+    sd = NOISE * motion.std(axis=1)
+    noisy = motion + sd[:, None] * rng.standard_normal(motion.shape)
+    values = np.vstack([noisy, np.fft.irfft(lines, length)[begin : begin + samples]])
+    return TimeSeries(values, CHANNELS, RATE), sd
+
+
+START = pole_of(1.002 * FREQ, 1.5 * DAMPING)
+
+
+def test_the_fit_of_a_whole_record_has_no_leakage_and_knows_its_errors() -> None:
+    inside, errors = 0, []
+    for seed in range(12):
+        whole = whole_record(measured(seed)[0], "accelerance", *BAND)
+        assert whole is not None
+        modes = as_modes(fit_modes(whole.frfs, START, None, whole=whole))
+        assert modes.freq_sd_hz is not None
+        assert modes.damping_sd is not None
+        assert modes.damping_ratio is not None
+        score = np.append((modes.freq_hz - FREQ) / modes.freq_sd_hz, (modes.damping_ratio - DAMPING) / modes.damping_sd)
+        inside += int(np.sum(np.abs(score) <= 1.96))
+        errors.append(modes.damping_ratio / DAMPING - 1.0)
+    # 95 % of 72 with a probability of 0.999
+    assert inside >= 60
+    assert np.sqrt(np.mean(np.square(errors))) < 0.01
+
+
+def test_without_the_transients_of_the_ends_the_damping_is_wrong() -> None:
+    whole = whole_record(measured(0)[0], "accelerance", *BAND)
+    assert whole is not None
+    plain = as_modes(fit_modes(whole.frfs, START, None))
+    assert plain.damping_ratio is not None
+    assert np.abs(plain.damping_ratio / DAMPING - 1.0).max() > 0.05
+
+
+def test_the_noise_is_found_between_the_lines() -> None:
+    record, sd = measured(3)
+    whole = whole_record(record, "accelerance", *BAND)
+    assert whole is not None
+    # the transform of white noise has √(samples) of it at each line
+    found = np.median(whole.noise, axis=1) / np.sqrt(record.samples)
+    assert found == pytest.approx(sd, rel=0.15)
+    frfs, errors = binned(in_bins(whole, 300))
+    assert len(frfs.freq_hz) <= 300
+    exact = np.array([9.0, 17.0, 29.0])
+    assert frfs.freq_hz[0] == pytest.approx(BAND[0], abs=0.1)
+    assert errors.shape == frfs.values.shape
+    quiet = np.min(np.abs(frfs.freq_hz[:, None] - exact), axis=1) > 3.0
+    rough = np.abs(np.diff(frfs.values[0, 0], 2))[quiet[1:-1]] / np.sqrt(6.0)
+    # leakage of the ends and rounding of the bins add to the noise
+    assert 0.3 < np.median(errors[0, 0, 1:-1][quiet[1:-1]] / rough) < 2.0
+
+
+def test_modes_are_identified_from_a_whole_record() -> None:
+    whole = whole_record(measured(1)[0], "accelerance", *BAND)
+    assert whole is not None
+    whole = in_bins(whole, 400)
+    frfs, sd = binned(whole)
+    found = identify_frfs(frfs, InputKnown(BAND, 20), sd, whole)
+    assert found.modes.freq_hz == pytest.approx(FREQ, rel=1e-4)
+    assert found.modes.damping_ratio == pytest.approx(DAMPING, rel=0.03)
+    assert found.measured.freq_hz == pytest.approx(frfs.freq_hz)
+    assert found.fit.synthesised.values.shape == frfs.values.shape
+    # without the transients of the ends the functions shown are nearer to those of the structure
+    exact = found.fit.synthesised.values
+    shown, before = (float(np.linalg.norm(one - exact)) for one in (found.measured.values, frfs.values))
+    assert shown < 0.5 * before
+
+
+def test_records_with_too_many_or_too_few_lines_or_a_silent_force_are_not_for_this() -> None:
+    record, _ = measured(0)
+    assert whole_record(record, "accelerance", 9.0, 10.0) is None
+    silent = record.values.copy()
+    silent[2] = 0.0
+    assert whole_record(TimeSeries(silent, CHANNELS, RATE), "accelerance", *BAND) is None
+    long = TimeSeries(np.zeros((3, 5 * MOST_VALUES // 2)), CHANNELS, RATE)
+    assert whole_record(long, "accelerance", 1.0, 60.0) is None
