@@ -110,8 +110,8 @@ def _of_fields(
     owners: dict[tuple[str, ...], list[int]] = {}
     for i, factor in enumerate(factors):
         of_field = [a for a in study.model.assignments if a.ref == factor.ref and a.parameter in result.active]
-        own = sorted({a.parameter for a in of_field if a.elements is None or factor.elements <= a.elements})
-        owners.setdefault(tuple(own) or ("", str(i)), []).append(i)
+        setting = sorted({a.parameter for a in of_field if a.elements is None or factor.elements <= a.elements})
+        owners.setdefault(tuple(setting) or ("", str(i)), []).append(i)
     for own, members in owners.items():
         columns = J[:, members]
         if own[0]:
