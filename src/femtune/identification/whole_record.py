@@ -92,8 +92,8 @@ def whole_record(record: TimeSeries, kind: str, low_hz: float, high_hz: float) -
     log = np.log(noise)
     colour = np.exp(np.mean(log - log.mean(axis=1, keepdims=True), axis=0))
     frfs = FrfSet(
-        np.asarray(hz[kept], float), (motion / force)[:, None, :], DofSet(record.channels[i].dof for i in rows), record.dofs("input"),
-        kind, source=record.source,
+        np.asarray(hz[kept], float), (motion / force)[:, None, :], DofSet(record.channels[i].dof for i in rows),
+        record.dofs("input"), kind, source=record.source,
     )  # fmt: skip
     return WholeRecord(frfs, force, colour, noise)
 
