@@ -82,7 +82,10 @@ class Check:
         words = ["env", "-i", *shlex.split(told), "sh", "-c", line]
         if chroot and self.apptainer_root is not None:
             one = pwd.getpwnam(self.user) if self.user else pwd.getpwuid(os.getuid())
-            words = ["chroot", f"--userspec={one.pw_uid}:{one.pw_gid}", str(self.apptainer_root), *words]
+            # not chroot, in which no user namespace can be made
+            change = f"cd {shlex.quote(str(self.apptainer_root))} && pivot_root . mnt && umount -l /mnt && exec "
+            change += f"setpriv --reuid={one.pw_uid} --regid={one.pw_gid} --clear-groups {shlex.join(words)}"
+            words = ["unshare", "--mount", "--propagation=private", "sh", "-c", change]
         elif self.user:
             words = ["runuser", "-u", self.user, "--", *words]
         done = subprocess.run(words, capture_output=True, text=True, timeout=_LONGEST_S, check=False)
@@ -135,7 +138,9 @@ def main() -> int:
     parser.add_argument("--evidence", type=Path, help="folder of the page")
     parser.add_argument("--debian", type=Path, help="root file system with Python, made by debootstrap before")
     parser.add_argument("--keep", action="store_true", help="keep the images of podman, for the next run")
-    parser.add_argument("--apptainer-root", type=Path, help="root file system of a system that has Apptainer")
+    parser.add_argument(
+        "--apptainer-root", type=Path, help="root file system of a system that has Apptainer; a mount point"
+    )
     options = parser.parse_args()
     user = "" if os.getuid() else _USER
     if user and not _is_user(user):
