@@ -32,7 +32,7 @@ NOT_QUICK := $(addprefix examples/cases/,$(addsuffix /run.py,bootstrap_identifie
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -175,6 +175,9 @@ FUZZ_PEERS := pyNastran cpylog docopt-ng
 bench-fuzz: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## twenty thousand damaged files of all kinds, judged by other parsers; takes half an hour and can be interrupted
 	@test -d $(VENV)/fuzz/pyNastran || $(PIP) --target $(VENV)/fuzz --no-deps $(FUZZ_PEERS)
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/fuzz $(BIN)/python benchmarks/fuzz/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+fuzz-records: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## two thousand damaged records: text, .lvm, .tdms (with npTDMS), .wav, .mat and arrays; takes minutes and can be interrupted
+	@$(ONE_THREAD) $(BIN)/python benchmarks/fuzz/run.py --group records --count 2000 $(BENCH_ARGS)
 
 bench-solver-files: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## five thousand damaged files of other programs, with their system calls recorded; takes minutes and can be interrupted
 	@$(ONE_THREAD) $(BIN)/python benchmarks/fuzz/solver_files_run.py $(or $(BENCH_ARGS),--evidence docs/evidence)

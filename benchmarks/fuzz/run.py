@@ -115,13 +115,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=1e9, help="end after so long; the next run continues")
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--group", default="", help="one row of the table, such as records; --count is of this alone")
     parser.add_argument("--only", default="", help="kinds whose name contains a word")
     parser.add_argument("--evidence", type=Path, help="folder of the page")
     options = parser.parse_args()
-    kinds = all_kinds()
+    kinds = {name: kind for name, kind in all_kinds().items() if options.group in ("", kind.group)}
     parts = [p for p in plan(kinds, options.count, options.seed) if options.only in p[0]]
     state = json.loads(_STATE.read_text()) if _STATE.exists() else {}
-    key = f"{options.count} {options.seed}"
+    key = f"{options.count} {options.seed}" + (f" {options.group}" if options.group else "")
     done = state.setdefault(key, {})
     todo = [p for p in parts if f"{p[0]} {p[1]}" not in done]
     end = time.monotonic() + 60.0 * options.minutes

@@ -7,6 +7,7 @@ None where it cannot read the file or finds nothing to compare.
 from __future__ import annotations
 
 import csv
+import importlib.util
 import io
 import json
 import math
@@ -216,6 +217,18 @@ def _wave(path: Path) -> Any:
     return values / (32768.0 if values.dtype == np.int16 else 1.0)
 
 
+def _tdms(path: Path) -> None:
+    """A file of LabVIEW, as its library writes it."""
+    nptdms = importlib.import_module("nptdms")
+    force, motion = np.random.default_rng(5).normal(size=(2, 60))
+    properties = {"wf_increment": 0.005, "wf_samples": 60}
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([
+            nptdms.ChannelObject("run", "Hammer", force, {**properties, "unit_string": "N"}),
+            nptdms.ChannelObject("run", "Acc 2Z+", motion, {**properties, "unit_string": "g"}),
+        ])  # fmt: skip
+
+
 def _hdf5(path: Path) -> Any:
     with h5py.File(path) as file:
         return {name: file[name][...] for name in file}
@@ -350,6 +363,7 @@ def all_kinds() -> dict[str, Kind]:
             lambda p: read_record(p, (), None), partial(judge_record, _wave)),
         "headings": _of_tests("records", "headings and dates", nothing, 2),
         "labview": _of_tests("records", "labview text", nothing, 2),
+        "text": _of_tests("records", "record", nothing, 2),
         "unit labels": _of_tests("UFF", "functions with unit labels", nothing, 2),
         "binary": _of_tests("UFF", "binary functions", nothing, 2),
         "2414": _of_tests("UFF", "modes of data set 2414", nothing, 2),
@@ -361,6 +375,10 @@ def all_kinds() -> dict[str, Kind]:
             lambda p: with_deviations(bare(), p), judge_deviations, 3),
         "results": Kind("JSON", _run_folder(), lambda p: read_results(p.parent), judge_results),
     }  # fmt: skip
+    if importlib.util.find_spec("nptdms") is not None:
+        kinds["TDMS"] = Kind(
+            "records", {"a.tdms": _written(_tdms, "a.tdms")}, lambda p: read_record(p, (), None), nothing
+        )
     return {n: k if k.deck else replace(k, share=3 * k.share) for n, k in reversed(kinds.items())}
 
 

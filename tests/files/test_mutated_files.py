@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import mmread, mmwrite, savemat
+from scipy.io import mmread, mmwrite, savemat, wavfile
 from scipy.sparse import coo_array
 from tests.files.matrices.matrices_by_hand import full, symmetric_example
 from tests.files.nastran.mutant_trial import time_limit
@@ -51,6 +51,11 @@ def _bytes_of(write: Callable[[io.BytesIO], object]) -> bytes:
     stream = io.BytesIO()
     write(stream)
     return stream.getvalue()
+
+
+def _sound() -> bytes:
+    values = 1000.0 * np.random.default_rng(4).normal(size=(60, 2))
+    return _bytes_of(lambda stream: wavfile.write(stream, 100, values.astype(np.int16)))
 
 
 def _arrays() -> dict[str, np.ndarray]:
@@ -165,6 +170,7 @@ KINDS: dict[str, tuple[str, Callable[[], bytes], Callable[[Path], object], Calla
     ),
     "headings and dates": ("a.csv", lambda: STAMPED, read_record, _nothing),
     "labview text": ("a.lvm", lambda: laboratory.lvm().encode(), read_record, _nothing),
+    "sound": ("a.wav", _sound, read_record, _nothing),
     "functions with unit labels": ("a.uff", lambda: LABELLED, _universal, _nothing),
     "modes of data set 2414": ("a.uff", lambda: MODES_2414, _universal, _nothing),
     "binary functions": ("a.uff", lambda: variants.UNITS.encode() + variants.binary("<", 2), _universal, _nothing),

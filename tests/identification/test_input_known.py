@@ -112,6 +112,20 @@ def test_a_band_one_method_and_a_choice_by_hand(eight_modes: Any) -> None:
 
 
 @pytest.mark.slow
+def test_motions_on_the_suspension_are_fitted_and_not_reported(three_modes: Any) -> None:
+    frfs = three_modes.frfs(np.linspace(5.0, 30.0, 300), noise=0.005)
+    every = identify_frfs(frfs, InputKnown(largest_order=16))
+    assert len(every.modes) == 3
+    highest = float(np.mean(every.modes.freq_hz[:2]))
+    found = identify_frfs(frfs, InputKnown(largest_order=16, suspension_hz=highest))
+    np.testing.assert_allclose(found.modes.freq_hz, every.modes.freq_hz[1:], rtol=1e-12)
+    np.testing.assert_allclose(found.modes.damping_ratio, every.modes.damping_ratio[1:], rtol=1e-9)
+    assert [c.reason for c in found.candidates if c.freq_hz < highest and "suspension" in c.reason]
+    with pytest.raises(FemtuneError):
+        identify_frfs(frfs, InputKnown(largest_order=16, suspension_hz=1e3))
+
+
+@pytest.mark.slow
 def test_rigid_body_motion_is_no_part_of_the_modes(eight_modes: Any) -> None:
     shapes = np.column_stack([np.full(12, 0.5), np.linspace(-1.0, 1.0, 12)])
     rigid = ModeSet(np.zeros(2), shapes, eight_modes.dofs, normalisation="mass")

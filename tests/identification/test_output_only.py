@@ -175,6 +175,18 @@ def test_phases_are_steady_at_modes_only():
     assert found.sd_rad[between] > 2.0 * max(found.sd_rad[line] for line in lines)
 
 
+@pytest.mark.slow
+def test_the_published_ratio_of_magnitudes_is_too_large_where_noise_is():
+    """A channel of pure noise: the complex ratio tends to zero, the mean of magnitudes does not."""
+    values = ambient(5, 100_000, 0.003, 0.02)
+    silent = 0.3 * values.std() * np.random.default_rng(6).standard_normal(values.shape[1])
+    found = phase_scatter(np.vstack([values, silent]), RATE, 2048)
+    line = int(np.abs(found.freq_hz - plant().truth.freq_hz[0]).argmin())
+    (_, complex_shape), (_, magnitudes) = mode_at(found, line), mode_at(found, line, found.magnitudes)
+    assert abs(complex_shape[3]) < 0.25 * abs(magnitudes[3])
+    assert mac(magnitudes[:3], plant().truth.shapes[:, 0]) > 0.99
+
+
 @pytest.mark.long
 def test_stated_deviations_cover_the_truth():
     truth, hits, rounds = plant().truth, np.zeros(6), 1000

@@ -73,6 +73,8 @@ def test_the_noise_is_found_between_the_lines() -> None:
     assert found == pytest.approx(sd, rel=0.15)
     frfs, errors = binned(in_bins(whole, 300))
     assert len(frfs.freq_hz) <= 300
+    # single lines are where they were
+    assert np.array_equal(binned(in_bins(whole, 10_000))[0].freq_hz, whole.frfs.freq_hz)
     exact = np.array([9.0, 17.0, 29.0])
     assert frfs.freq_hz[0] == pytest.approx(BAND[0], abs=0.1)
     assert errors.shape == frfs.values.shape

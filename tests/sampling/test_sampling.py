@@ -151,6 +151,9 @@ def test_the_likelihood_with_errors_of_the_model_is_that_of_the_whole_covariance
         D = np.diag([*[sizes[0]] * 10, *[1.0] * 15])
         S = np.diag([*[sizes[1]] * 2, *[sizes[2]] * 3])
         assert log == pytest.approx(stats.multivariate_normal.logpdf(one, np.zeros(n), D + B @ S @ B.T))
+    # the factors q of r + Bq = e, given r
+    expected = -S @ B.T @ np.linalg.solve(D + B @ S @ B.T, r[-1])
+    np.testing.assert_allclose(likelihood.factors(r, theta)[-1], expected)
     parts, of_B = tuple(r[:, g.rows] for g in groups), tuple(B[g.rows] for g in groups)
     _, by_parts, by_theta = likelihood.of(parts, of_B, theta)
     direction, turn, step = rng.normal(size=r.shape), rng.normal(size=theta.shape), 1e-6

@@ -89,6 +89,9 @@ def test_choices_by_hand_are_kept(record, tmp_path):
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "drop_hz": (lowest,), "methods": ("SSI-cov",)}
     made = identify(record, output=tmp_path / "out", **asked)
     assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz[1:], rel=5e-3)
+    with_suspension = {**asked, "drop_hz": (), "suspension_hz": 1.1 * lowest}
+    elastic = identify(record, output=tmp_path / "elastic", **with_suspension)
+    assert [m.freq_hz for m in elastic.record.modes] == [m.freq_hz for m in made.record.modes]
     # no channel was named, so no study could read the shapes
     assert "modes.uff" not in made.files
 

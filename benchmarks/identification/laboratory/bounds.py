@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from tests import BAND, QUANTITIES, RATE, Recorded, Structure
+from simulated import BAND, QUANTITIES, RATE, Recorded, Structure
 
 Reals = NDArray[np.float64]
 MOST_CHANNELS = 16

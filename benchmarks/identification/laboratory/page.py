@@ -8,20 +8,22 @@ from typing import Any
 
 import numpy as np
 from score import HELD, NORMAL_95
-from tests import AMBIENT_S, BAND, BURSTS, KINDS, RATE, SWEEP_S
+from simulated import AMBIENT_S, BAND, BURSTS, KINDS, RATE, SWEEP_S
 
 Row = dict[str, Any]
 _MEDIAN_OF_NORMAL = 0.6745
 
 
 def page(rows: list[Row], wanted: int) -> str:
-    """All tables, and how many of the tests they are from."""
+    """All tables, and how many of the tests they are from: those that femtune and its peers have finished."""
+    rows = _of_both(rows)
     whos = [row["who"] for row in rows]
     counts = ", ".join(f"{who} {whos.count(who)}" for who in dict.fromkeys(whos))
     return "\n".join([
         "# Identification of what laboratories record", "",
         f"Measured on {datetime.now(UTC):%Y-%m-%d} by `make bench-laboratory`: {len(rows)} of {wanted} identifications "
-        f"({counts}).", "",
+        f"({counts})."
+        + (" The run was ended early; its tests are the first of a drawn order." if len(rows) < wanted else ""), "",
         *_about(), "",
         "## Modes", "",
         "| excitation | who | tests | true modes found | in close pairs | not held by the data, found | "
@@ -38,6 +40,14 @@ def page(rows: list[Row], wanted: int) -> str:
         "chosen; femtune also writes its result. The peers get arrays.", "",
         "| excitation | who | median s | largest s |", "| --- | --- | --- | --- |", *_times(rows), "",
     ])  # fmt: skip
+
+
+def _of_both(rows: list[Row]) -> list[Row]:
+    done: dict[tuple[int, str], set[str]] = {}
+    for row in rows:
+        done.setdefault((row["seed"], row["kind"]), set()).add(row["who"])
+    most = max(map(len, done.values()), default=0)
+    return [row for row in rows if len(done[row["seed"], row["kind"]]) == most]
 
 
 def _about() -> list[str]:

@@ -24,7 +24,7 @@ import numpy as np
 from bounds import bounds
 from page import page
 from score import score
-from tests import KINDS, KNOWN_FORCE, STRUCTURES, recorded, structure
+from simulated import KINDS, KNOWN_FORCE, STRUCTURES, recorded, structure
 from ways import by_femtune, by_peer, peers, write_test
 
 Key = tuple[int, str, str]

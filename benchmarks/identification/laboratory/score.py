@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from tests import Structure
+from simulated import Structure
 
 Reals = NDArray[np.float64]
 HELD = 0.25

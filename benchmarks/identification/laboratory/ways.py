@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where peers.py l
 
 import numpy as np
 import peers
-from tests import BAND, RATE, Recorded
+from simulated import BAND, RATE, Recorded
 
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError

@@ -81,9 +81,10 @@ class IdentifyTable(TomlTable):
     largest_order: Annotated[int, Field(ge=4, le=200)] | None = None
     """Largest order of the state-space models and polynomials, up to 200. Default: 60. Example: `40`"""
     methods: Annotated[tuple[MethodWord, ...], Field(min_length=1)] | None = None
-    """For FRFs `"N4SID"` and `"pLSCF"`; for records without measured forces `"SSI-cov"`, `"SSI-data"`, `"ERA"`, `"FDD"`
-    and `"TFIE"`. The first method gives the modes of a record without forces, the others are for comparison. Default:
-    both methods for FRFs; otherwise `"SSI-cov"`, `"ERA"` and `"FDD"`. Example: `["SSI-cov", "FDD"]`"""
+    """For FRFs `"N4SID"` and `"pLSCF"`; for records without measured forces `"SSI-cov"`, `"SSI-data"`, `"ERA"`,
+    `"FDD"`, `"TFIE"` and `"TFIE-magnitude"` (its published form). The first method gives the modes of a record without
+    forces, the others are for comparison. Default: both methods for FRFs; otherwise `"SSI-cov"`, `"ERA"` and `"FDD"`.
+    Example: `["SSI-cov", "FDD"]`"""
     estimator: FrfEstimator = "H1"
     """FRF estimator for records with measured forces: `"H1"` (noise on the responses), `"H2"` (noise on the force),
     `"Hv"` (noise on both). Example: `"Hv"`"""
@@ -110,6 +111,9 @@ class IdentifyTable(TomlTable):
     fragment. Example: `[7.8]`"""
     drop_hz: tuple[Positive, ...] = ()
     """Clusters of stable poles that are rejected manually, Hz. Example: `[7.8]`"""
+    suspension_hz: Positive | None = None
+    """Modes below this frequency are rigid-body motions on a suspension, Hz: they are fitted with the others, and are
+    not among the results. Example: `4.0`"""
     choices: Annotated[Text, NamesFile("choice of poles")] | None = None
     """Poles that were picked in the stabilisation diagram of the report, and saved from there: they are the modes, in
     place of those that the rule chooses. Not with `take_hz`, `drop_hz`, `fragments` or `[[setup]]`. Example:

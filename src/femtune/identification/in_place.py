@@ -42,12 +42,17 @@ SAME_MAC = 0.9
 """MAC from which their shapes are one."""
 
 
+ON_SUSPENSION = "rigid-body motion on the suspension"
+"""Reason of a candidate below the frequency of the suspension."""
+
+
 def in_place(
     fit: ModalFit,
     candidates: Sequence[Candidate],
     by_hand: Sequence[bool],
     table: PoleTable,
     band_hz: tuple[float, float],
+    suspension_hz: float = 0.0,
 ) -> tuple[ModalFit, tuple[Candidate, ...], tuple[Notice, ...], tuple[ModeRemark, ...]]:
     """Mark the modes whose poles have left their clusters.
 
@@ -57,6 +62,7 @@ def in_place(
     candidates, table : clusters with their choice, and the poles that they are made of
     by_hand : of each candidate, whether the user chose it; its mode is kept, with a remark
     band_hz : outside which there are no modes
+    suspension_hz : below which modes are motions on a suspension, and are left out without a remark
 
     Returns
     -------
@@ -81,6 +87,11 @@ def in_place(
         kept[i] = replace(
             kept[i], chosen=False, left=True, reason=f"its fit ends at {hz:.4g} Hz, damping ratio {ratio:.2%}"
         )
+    freq = freq_and_damping(fit.poles)[0]
+    for r in np.flatnonzero(~fit.outside & ~left & (freq < suspension_hz)).tolist():
+        i = chosen[fit.begun_at[r]]
+        left[r], kept[i] = True, replace(kept[i], chosen=False, reason=ON_SUSPENSION)
+        doubts = [one for one in doubts if one[0] != r]
     fit = replace(fit, left=left)
     if not fit.reported.any():
         raise FemtuneError("identify.no-poles/left", n_clusters=len(chosen))

@@ -23,10 +23,11 @@ from femtune.identification.choice import (
 )
 from femtune.identification.frf_checks import check_frfs, dead_responses
 from femtune.identification.in_place import in_place
+from femtune.identification.information import with_needed_modes
 from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.late_channels import late_notices
-from femtune.identification.modal_fit import ModalFit
+from femtune.identification.modal_fit import ModalFit, fit_modes
 from femtune.identification.modal_solve import OUT_OF_BAND, modal_basis
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
@@ -70,6 +71,7 @@ class InputKnown:
     real : real shapes
     exponential_s : time constant τ of an exponential window e^{−t/τ} with which the functions were made. They are those
         of the structure at s = iω + 1/τ; poles, modes and system are those without the window
+    suspension_hz : modes below it are rigid-body motions on a suspension, which are fitted and not reported
     """
 
     band_hz: tuple[float, float] | None = None
@@ -86,6 +88,7 @@ class InputKnown:
     reciprocal: bool = False
     real: bool = True
     exponential_s: float | None = None
+    suspension_hz: float = 0.0
 
     def __post_init__(self) -> None:
         unknown = set(self.methods) - set(KNOWN_INPUT)
@@ -185,18 +188,25 @@ def _identified(
     if not len(chosen):
         raise NoModesChosen("identify.no-poles", _moved_table(table, shift), candidates, whole)
     start, terms = chosen_poles(candidates, table).poles, terms_outside(asked)
-    fit = (
-        fit_with_neighbours(elastic, start, errors, terms)
-        if of_record is None
-        else _of_whole_record(elastic, start, of_record if asked.band_hz is None else of_record.inside(*band), terms)
-    )
+    lines = of_record if of_record is None or asked.band_hz is None else of_record.inside(*band)
+    fitted, known = (elastic, errors) if lines is None else (lines.frfs, None)
+    fit = fit_with_neighbours(fitted, start, known, terms, lines)
+
+    def refit(inside: Complexes, outside: Complexes) -> ModalFit:
+        return fit_modes(fitted, inside, known, terms, neighbours=outside, whole=lines)
+
+    if not asked.picked:
+        fit, candidates = with_needed_modes(fit, candidates, table, refit, None if lines is None else lines.line)
+        chosen = np.flatnonzero([c.chosen for c in candidates])
+    if lines is not None:
+        fit = _beside_functions(fit, elastic, lines, terms)
     of_system = _system(motion, fit, band, asked)
     if shift:
         fit, of_system = replace(fit, poles=fit.poles + shift), _moved_system(of_system, shift)
         table = _moved_table(table, shift)
         candidates = tuple(_moved(one, table) for one in candidates)
     try:
-        fit, candidates, left, kept = in_place(fit, candidates, by_hand, table, band)
+        fit, candidates, left, kept = in_place(fit, candidates, by_hand, table, band, asked.suspension_hz)
     except FemtuneError as error:
         raise NoModesChosen("identify.no-poles/left", table, candidates, whole, **error.facts) from error
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
@@ -223,12 +233,11 @@ def _identified(
     )
 
 
-def _of_whole_record(frfs: FrfSet, start: Complexes, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
+def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
     """The fit to all lines of a record, shown beside its functions.
 
     Means over lines would blur sharp peaks. The functions are shown as the model with the mean of what it leaves.
     """
-    fit = fit_with_neighbours(whole.frfs, start, None, terms, whole)
     columns = modal_basis(frfs.freq_hz, fit.poles, frfs.kind, terms).columns
     residues = fit.residues[:, 0]
     model = (np.hstack([residues.real, residues.imag, fit.terms[:, 0]]) @ columns.T)[:, None]

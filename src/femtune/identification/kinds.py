@@ -10,7 +10,7 @@ KnownInputMethod = Literal["N4SID", "pLSCF"]
 KNOWN_INPUT: tuple[KnownInputMethod, ...] = get_args(KnownInputMethod)
 """Methods that identify modes from FRFs."""
 
-OutputOnlyMethod = Literal["SSI-cov", "SSI-data", "ERA", "FDD", "TFIE"]
+OutputOnlyMethod = Literal["SSI-cov", "SSI-data", "ERA", "FDD", "TFIE", "TFIE-magnitude"]
 OUTPUT_ONLY = Kinds(
     OutputOnlyMethod,
     Kind("SSI-cov", function="femtune.identification.operational:by_covariances"),
@@ -18,6 +18,7 @@ OUTPUT_ONLY = Kinds(
     Kind("ERA", function="femtune.identification.operational:by_era"),
     Kind("FDD", function="femtune.identification.operational:by_decomposition"),
     Kind("TFIE", function="femtune.identification.operational:by_steady_phases"),
+    Kind("TFIE-magnitude", function="femtune.identification.operational:by_steady_magnitudes"),
 )
 """Methods that identify modes from responses to unmeasured forces."""
 

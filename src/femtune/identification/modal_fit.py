@@ -170,7 +170,7 @@ class _Problem:
     @property
     def line(self) -> Reals | None:
         """(k,) weights of the lines of a whole record."""
-        return None if self.whole is None else np.abs(self.whole.force) / self.whole.colour
+        return None if self.whole is None else self.whole.line
 
 
 def _iterate(problem: _Problem, poles: Complexes, most_steps: int) -> tuple[Complexes, Solved, int, bool]:

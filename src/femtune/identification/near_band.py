@@ -145,10 +145,10 @@ def _is_sound(fit: ModalFit) -> bool:
 def explains(trial: ModalFit, fit: ModalFit) -> bool:
     """Whether two further numbers of each pole and two of each function lower the errors by more than chance."""
     n, u, _ = fit.measured.values.shape
-    return _gain(trial, fit) > float(chdtri((len(trial.poles) - len(fit.poles)) * (2 + 2 * n * u), CHANCE))
+    return gain(trial, fit) > float(chdtri((len(trial.poles) - len(fit.poles)) * (2 + 2 * n * u), CHANCE))
 
 
-def _gain(trial: ModalFit, fit: ModalFit) -> float:
+def gain(trial: ModalFit, fit: ModalFit) -> float:
     """Decrease of −2 log likelihood, of noise that is as large as the errors that are left.
 
     Where the noise is found from the errors, each function has only as many of them as its numbers leave free. The

@@ -187,13 +187,23 @@ def modes_of_peaks(spectra: CrossSpectra, channels: Sequence[Channel], asked: Op
 
 
 def by_steady_phases(record: TimeSeries, asked: Operational) -> OperationalModes:
-    """TFIE; no damping."""
+    """TFIE with shapes from complex ratios; no damping."""
+    return _steady(record, asked, "TFIE")
+
+
+def by_steady_magnitudes(record: TimeSeries, asked: Operational) -> OperationalModes:
+    """TFIE in its published form, with shapes from magnitudes; no damping."""
+    return _steady(record, asked, "TFIE-magnitude")
+
+
+def _steady(record: TimeSeries, asked: Operational, method: str) -> OperationalModes:
     record = prepared(record, asked)
     scatter = phase_scatter(record.values, record.even_hz, segment_of(record, asked))
     at = steady_lines(scatter, asked.band_hz)
-    modes = [mode_at(scatter, line) for line in at]
+    ratios = scatter.magnitudes if method == "TFIE-magnitude" else scatter.ratios
+    modes = [mode_at(scatter, line, ratios) for line in at]
     freq = np.array([f for f, _ in modes])
-    return _of_lines(record.channels, "TFIE", scatter.freq_hz[at], [s for _, s in modes], freq, None)
+    return _of_lines(record.channels, method, scatter.freq_hz[at], [s for _, s in modes], freq, None)
 
 
 def segment_of(record: TimeSeries, asked: Operational) -> int:

@@ -14,6 +14,9 @@ from scipy import signal
 
 from femtune.arrays import Complexes, Reals
 
+_LEAST_POWER = 0.01
+"""Power of the strongest channel relative to its mean, below which an instant is left out of the published mean."""
+
 
 @dataclass(frozen=True, eq=False)
 class PhaseScatter:
@@ -25,13 +28,16 @@ class PhaseScatter:
     sd_rad : (k,) standard deviation over time of the phase differences of all channels to the strongest one at each
         line, weighted by how far they stand out of their own level; it reaches 1.8 where phases are random
     strength : (k,) mean square amplitude of all channels in units of their medians
-    ratios : (k, s) mean of D_ij/D_jj with j the strongest channel: complex shapes
+    ratios : (k, s) mean of D_ij/D_jj with j the strongest channel, weighted with D_jj: complex shapes
+    magnitudes : (k, s) mean over time of |D_ij|/D_jj, with the signs of `ratios`: the published form. Noise makes them
+        too large, most at points that hardly move
     """
 
     freq_hz: Reals
     sd_rad: Reals
     strength: Reals
     ratios: Complexes
+    magnitudes: Reals
 
 
 def phase_scatter(
@@ -53,7 +59,12 @@ def phase_scatter(
     mean = (others * steady).sum(axis=0) / np.maximum(others.sum(axis=0), np.finfo(float).tiny)
     scatter = np.sqrt(-2.0 * np.log(np.clip(mean, 0.2, 1.0)))
     ratios = cross.mean(axis=2) / np.maximum((np.abs(reference) ** 2).mean(axis=1), np.finfo(float).tiny)
-    return PhaseScatter(freq, scatter, power.sum(axis=0), ratios.T)
+    # instants at which the channel j hardly moves have no ratio
+    own = np.abs(reference) ** 2
+    moving = own > _LEAST_POWER * own.mean(axis=1, keepdims=True)
+    each = np.divide(np.abs(cross), own, out=np.zeros_like(own * np.abs(cross)), where=moving)
+    magnitudes = each.sum(axis=2) / np.maximum(moving.sum(axis=1), 1) * np.where(ratios.real < 0.0, -1.0, 1.0)
+    return PhaseScatter(freq, scatter, power.sum(axis=0), ratios.T, magnitudes.T)
 
 
 def _mean_direction(cross: Complexes) -> Complexes:
@@ -71,12 +82,14 @@ def steady_lines(found: PhaseScatter, band_hz: tuple[float, float], most_rad: fl
     return [int(i) for i in at]
 
 
-def mode_at(found: PhaseScatter, line: int, reach: int = 3) -> tuple[float, Complexes]:
-    """Frequency and shape (s,) of unit norm at a steady line, complex.
+def mode_at(
+    found: PhaseScatter, line: int, ratios: Complexes | Reals | None = None, reach: int = 3
+) -> tuple[float, Complexes]:
+    """Frequency and shape (s,) of unit norm at a steady line, complex; by `ratios` of `found` or its `magnitudes`.
 
     The frequency is the centre of gravity of the steady lines around it, weighted by their strength.
     """
     near = slice(max(line - reach, 0), line + reach + 1)
     weights = found.strength[near] * (found.sd_rad[near] <= 2.0 * found.sd_rad[line] + 0.05)
-    shape = found.ratios[line]
+    shape = (found.ratios if ratios is None else ratios)[line]
     return float(np.average(found.freq_hz[near], weights=weights)), np.asarray(shape / np.linalg.norm(shape))

@@ -50,6 +50,11 @@ class WholeRecord:
     noise: Reals
     width: int = 0
 
+    @property
+    def line(self) -> Reals:
+        """(k,) weights of the lines, inverses of the noise of Y/U but for a factor."""
+        return np.asarray(np.abs(self.force) / self.colour)
+
     def inside(self, low_hz: float, high_hz: float) -> WholeRecord:
         """The lines of a band."""
         return self._at(np.flatnonzero((self.frfs.freq_hz >= low_hz) & (self.frfs.freq_hz <= high_hz)))
@@ -136,5 +141,8 @@ def binned(whole: WholeRecord) -> tuple[FrfSet, Reals]:
     size = np.abs(whole.force[cut].reshape(count, width)) ** 2
     noise = whole.noise[:, cut].reshape(-1, count, width) ** 2
     sd = np.sqrt((weights**2 * noise / size).sum(axis=2)) / total
-    frfs = replace(whole.frfs, freq_hz=mean(whole.frfs.freq_hz), values=mean(whole.frfs.values))
+    lines = whole.frfs.freq_hz[cut].reshape(count, width)
+    # rounding would put the mean of a line at the end of the band outside of it
+    at = np.clip(mean(whole.frfs.freq_hz), lines[:, 0], lines[:, -1])
+    frfs = replace(whole.frfs, freq_hz=at, values=mean(whole.frfs.values))
     return frfs, sd[:, None, :]

@@ -157,6 +157,19 @@ class Likelihood:
         b = np.einsum("cij,cj->ci", covariance, g)
         return [b @ of_b.T for of_b in B], b, covariance, log_s
 
+    def factors(self, r: Reals, theta: Reals) -> Reals:
+        """(c, m) most probable nuisance factors of residuals r (c, n) with θ (c, t)."""
+        weight = np.ones((len(theta), len(self.groups)))
+        weight[:, list(self.estimated)] = np.exp(-2.0 * theta[:, : len(self.estimated)])
+        parts = tuple(r[:, group.rows] for group in self.groups)
+        b = self._factors(parts, tuple(self.B[group.rows] for group in self.groups), weight, theta)[1]
+        # r + B q is the error of the data, so that the factors are those of −r
+        return np.zeros((len(theta), 0)) if b is None else -b
+
+    def without_classes(self) -> Likelihood:
+        """The same without errors of the model."""
+        return Likelihood(self.groups, (), np.zeros((len(self.B), 0)))
+
     def at(self, r: Reals, theta: Reals) -> Reals:
         """(c,) log likelihood of residuals (c, n) with θ (c, t)."""
         parts = tuple(r[:, group.rows] for group in self.groups)

@@ -101,6 +101,7 @@ class PosteriorSamples:
     error : standard deviation of log p − log p̂ over the samples where the model was solved
     r_hat, displacement : of the chains on what was sampled from
     linear : (c, k) samples of the linearised residuals with the same prior and errors
+    of_data : (c, k) samples of what was sampled from, with errors of the data alone; None where no others are taken
     gradients, plain : number of solutions with and without derivatives
     failed : number of samples where the model could not be solved
     tried : what did not hold before, in sentences
@@ -118,6 +119,7 @@ class PosteriorSamples:
     r_hat: float
     displacement: float
     linear: Reals
+    of_data: Reals | None
     gradients: int
     plain: int
     failed: int
@@ -257,6 +259,15 @@ class Sampler:
             rules = replace(rules, most=rules.most // 3)
         return _Drawn(surrogate, reduced, run_chains(density, start, rules, self.rng), density)
 
+    def _of_data(self, drawn: _Drawn) -> Reals | None:
+        """Samples with errors of the data alone."""
+        if not self.likelihood.classes:
+            return None
+        self.tell("chains with errors of the data alone")
+        alone = replace(self, likelihood=self.likelihood.without_classes(), known=[], tried=[])
+        start = drawn.chain.values[-1][:, : self.k + len(self.likelihood.estimated)]
+        return self.box.inside(alone._drawn(drawn.surrogate, start).chain.flat[:, : self.k])
+
     def _sigma(self, theta: Reals) -> Reals:
         """Mean factor of each group."""
         sigma = np.ones(len(self.likelihood.groups))
@@ -340,6 +351,6 @@ class Sampler:
             log_evidence_sd=float(np.hypot(log_z_sd, weights.log_mean_sd)),
             route=route, degree=degree, error=float(np.std(log)),
             r_hat=drawn.chain.r_hat, displacement=drawn.chain.displacement,
-            linear=self.box.inside(linear.chain.flat[:, : self.k]),
+            linear=self.box.inside(linear.chain.flat[:, : self.k]), of_data=self._of_data(drawn),
             gradients=self.gradients, plain=self.plain, failed=self.failed, tried=tuple(self.tried),
         )  # fmt: skip

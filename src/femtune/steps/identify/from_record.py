@@ -16,6 +16,7 @@ from femtune.identification.choice import CHOSEN_BY_USER, PickedPole, change_cho
 from femtune.identification.combine import Estimate, combine
 from femtune.identification.fdd import decompose
 from femtune.identification.harmonics import Line, find_lines, multiples, without_lines
+from femtune.identification.in_place import ON_SUSPENSION
 from femtune.identification.input_lines import judge_peaks
 from femtune.identification.kinds import OUTPUT_ONLY
 from femtune.identification.late_channels import late_notices
@@ -261,7 +262,22 @@ def chosen_by_hand(operational: OperationalModes, file: IdentifyFile) -> Operati
         tuple(f for f in asked if has_candidate(operational.candidates, f))
         for asked in (file.identify.take_hz, file.identify.drop_hz)
     )
-    return chosen_modes(operational, change_choice(operational.candidates, take, drop)) if take or drop else operational
+    if take or drop:
+        operational = chosen_modes(operational, change_choice(operational.candidates, take, drop))
+    return _without_suspension(operational, file.identify.suspension_hz or 0.0)
+
+
+def _without_suspension(found: OperationalModes, highest_hz: float) -> OperationalModes:
+    """Without the modes of the rigid body on its suspension, which are below a frequency."""
+    if found.table is None:
+        keep = np.flatnonzero(found.modes.freq_hz >= highest_hz)
+        return replace(found, modes=found.modes.select_modes(keep), complex_shapes=found.complex_shapes[:, keep])
+    candidates = tuple(
+        replace(c, chosen=False, reason=ON_SUSPENSION) if c.chosen and c.freq_hz < highest_hz else c
+        for c in found.candidates
+    )
+    changed = any(a is not b for a, b in zip(candidates, found.candidates))
+    return chosen_modes(found, candidates) if changed else found
 
 
 def with_picked(found: OperationalModes, picked: tuple[PickedPole, ...]) -> OperationalModes:

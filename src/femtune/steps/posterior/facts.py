@@ -13,10 +13,12 @@ from femtune.sampling import bends, weighted_quantiles
 from femtune.sampling.chains import MIXED
 from femtune.steps.posterior.record import (
     BentPair,
+    ModelErrorClass,
     OtherRegion,
     PosteriorNoise,
     PosteriorParameter,
     PosteriorResults,
+    WantedChange,
 )
 from femtune.steps.update.facts.update import citations
 from femtune.study.record import alert
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Flags, Integers, Reals
     from femtune.files.study_file import PosteriorTable
     from femtune.sampling import Likelihood, PosteriorSamples
+    from femtune.steps.posterior.model_errors import ModelErrors
     from femtune.study.record import Alert
     from femtune.updating import UpdateResult
 
@@ -49,6 +52,12 @@ _LARGE_FULL_ERROR = 0.5
 the full model: one effective sample of five is lost there."""
 _FEWEST = 400.0
 """Effective samples below which ends of 95 % intervals vary by 0.13 standard deviations or more."""
+
+
+_MOST_WANTED = 5
+"""Changes that are listed."""
+_WIDER = 1.1
+"""Interval over that with errors of the data alone, above which it is named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +90,7 @@ class SampledFacts:
     executor: str
     starts: int
     regions: tuple[OutsideOptimum, ...]
+    errors: ModelErrors
     left_out: tuple[str, ...]
     reduced_orders: tuple[int, ...]
     full_error: float | None
@@ -124,7 +134,9 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
         for r in facts.regions
     )  # fmt: skip
     record = PosteriorResults(
-        noise=table.noise, seed=table.seed, draws=len(s.x), effective=s.weights.effective, k_hat=s.weights.k_hat,
+        noise=table.noise, discrepancy=table.discrepancy, no_model_errors=facts.errors.reason,
+        model_errors=tuple(_model_errors(facts)), wanted=tuple(_wanted(facts)),
+        seed=table.seed, draws=len(s.x), effective=s.weights.effective, k_hat=s.weights.k_hat,
         drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
         log_evidence=s.log_evidence, log_evidence_sd=s.log_evidence_sd, gradient_solutions=s.gradients,
         plain_solutions=s.plain, failed=s.failed, paired_anew_percent=100.0 * anew, recalled=facts.recalled,
@@ -144,6 +156,7 @@ def _parameters(facts: SampledFacts) -> Iterator[PosteriorParameter]:
     values, intervals = result.values, result.interval()
     sampled = parameters.at_samples(facts.complete(s.x))
     linear = parameters.at_samples(facts.complete(s.linear))
+    of_data = None if s.of_data is None else parameters.at_samples(facts.complete(s.of_data))
     before = _prior_sd(facts)
     for name in parameters.names:
         if not np.ptp(sampled[name]):
@@ -158,7 +171,33 @@ def _parameters(facts: SampledFacts) -> Iterator[PosteriorParameter]:
             linear_median=l_median, linear_sd=float(linear[name].std()), linear_interval_95=(l_low, l_high),
             update_interval_95=interval if np.isfinite(interval).all() else None, prior_sd=of_prior,
             of_bounds=of_prior is not None and sd > _AS_WIDE * of_prior,
+            of_data_sd=None if of_data is None else float(of_data[name].std()),
+            of_data_interval_95=None if of_data is None else _interval(of_data[name]),
         )  # fmt: skip
+
+
+def _interval(values: Reals) -> tuple[float, float]:
+    low, _, high = map(float, np.quantile(values, _ENDS))
+    return low, high
+
+
+def _model_errors(facts: SampledFacts) -> Iterator[ModelErrorClass]:
+    s, first = facts.samples, len(facts.likelihood.estimated)
+    for j, (one, count) in enumerate(zip(facts.errors.classes, facts.errors.counts), start=first):
+        low, median, high = weighted_quantiles(100.0 * np.exp(s.theta[:, j]), s.weights.values, _ENDS).tolist()
+        yield ModelErrorClass(what=one.name, count=count, sd_percent=median, interval_95=(low, high))
+
+
+def _wanted(facts: SampledFacts) -> Iterator[WantedChange]:
+    """Mean changes over the samples, those that move the residuals most by themselves first."""
+    errors, s = facts.errors, facts.samples
+    if not errors.classes:
+        return
+    factors = s.weights.values @ facts.likelihood.factors(s.residuals, s.theta)
+    changes = errors.turn @ factors
+    for i in np.argsort(-np.abs(changes) * errors.effects)[:_MOST_WANTED]:
+        of = next(c.name for c in errors.classes if errors.turn[i, c.columns].any())
+        yield WantedChange(what=errors.names[i], of=of, change_percent=100.0 * float(changes[i]))
 
 
 def _prior_sd(facts: SampledFacts) -> dict[str, float]:
@@ -217,6 +256,7 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
                 f"The errors of {level.residuals} are {level.factor:.2g} times as large as stated "
                 f"({low:.2g} … {high:.2g})."
             )
+    yield from _of_model(record)
     blind = [p.parameter for p in record.parameters if p.of_bounds]
     if blind:
         yield f"The data tell nothing of {listed(blind)}: the distribution is as wide as before the test."
@@ -227,6 +267,35 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
         f"{record.effective:.0f} of {record.draws} samples are effective, k̂ = {record.k_hat:.2f}; the logarithm of the "
         f"evidence is {record.log_evidence:.2f} ± {record.log_evidence_sd:.2f}."
     )
+
+
+def _of_model(record: PosteriorResults) -> Iterator[str]:
+    """What errors of the model do to the intervals."""
+    wider = [p for p in record.parameters if p.of_data_sd]
+    if wider:
+        most = max(wider, key=lambda p: p.sd / (p.of_data_sd or 1.0))
+        ratio, (low, high), (a, b) = (
+            most.sd / (most.of_data_sd or 1.0),
+            most.of_data_interval_95 or (0, 0),
+            most.interval_95,
+        )
+        if ratio > _WIDER:
+            yield (
+                f"Errors of the model widen the intervals: that of {most.parameter} is {a:.3g} … {b:.3g}; errors of "
+                f"the data alone would give {low:.3g} … {high:.3g}."
+            )
+        else:
+            yield "Errors of the model hardly widen the intervals: no standard deviation by more than 10 %."
+    elif record.discrepancy == "none":
+        yield 'Errors of the model are not in the intervals; discrepancy = "properties" in [posterior] adds them.'
+    else:
+        yield f"Errors of the model are not in the intervals: {record.no_model_errors}."
+    if record.wanted:
+        first = record.wanted[0]
+        yield (
+            f"Of what no parameter represents, the data want a change of {first.what} most: "
+            f"{first.change_percent:+.2g} % ({first.of})."
+        )
 
 
 def limits_of(record: PosteriorResults) -> Iterator[Alert]:

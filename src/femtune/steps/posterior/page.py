@@ -34,7 +34,9 @@ def posterior(source: ReportSource) -> list[Block]:
 
 def posterior_blocks(record: PosteriorResults) -> list[Block]:
     """Sentences and tables, for page and terminal."""
-    return [Listing(record.sentences), Paragraph(_how(record)), parameter_table(record), noise_table(record)]
+    errors = [model_error_table(record)] if record.model_errors else []
+    tables = [parameter_table(record), noise_table(record), *errors]
+    return [Listing(record.sentences), Paragraph(_how(record)), *tables]
 
 
 def _how(record: PosteriorResults) -> str:
@@ -58,11 +60,13 @@ def _how(record: PosteriorResults) -> str:
 
 def parameter_table(record: PosteriorResults) -> Table:
     """Mean, standard deviation and interval, beside the interval of linearised residuals and that of the update."""
+    with_errors = bool(record.model_errors)
     heads = columns(
-        "Parameter", ">Update", ">Median", ">Mean", ">σ", ">95 % from", ">to", ">Linear from", ">to", ">Update from",
-        ">to", ">σ / σ before",
+        "Parameter", ">Update", ">Median", ">Mean", ">σ", ">95 % from", ">to",
+        *((">Data alone from", ">to") if with_errors else ()), ">Linear from", ">to", ">Update from", ">to",
+        ">σ / σ before",
     )  # fmt: skip
-    note = (
+    note = ("Data alone: without errors of the model. " if with_errors else "") + (
         "Linear: with linearised residuals, the same prior and the same rule for the size of the errors. Update: the "
         "interval of the update, with its standard deviations. The last column is one where the data tell nothing."
     )
@@ -73,10 +77,11 @@ def parameter_table(record: PosteriorResults) -> Table:
 
 def _parameter(p: PosteriorParameter) -> tuple[Cell, ...]:
     update = ("", "") if p.update_interval_95 is None else tuple(map(value, p.update_interval_95))
+    alone = () if p.of_data_interval_95 is None else tuple(map(value, p.of_data_interval_95))
     share = "" if p.prior_sd is None else f"{p.sd / p.prior_sd:.2g}"
     return row(
         p.parameter, value(p.value), value(p.median), value(p.mean), short(p.sd), *map(value, p.interval_95),
-        *map(value, p.linear_interval_95), *update, Cell(share, tone="poor") if p.of_bounds else share,
+        *alone, *map(value, p.linear_interval_95), *update, Cell(share, tone="poor") if p.of_bounds else share,
     )  # fmt: skip
 
 
@@ -91,6 +96,26 @@ def noise_table(record: PosteriorResults) -> Table:
         for n in record.noise_levels
     )  # fmt: skip
     return Table("Size of the errors", heads, rows)
+
+
+def model_error_table(record: PosteriorResults) -> Table:
+    """Sizes of the errors of the model, with the changes that the data want most."""
+    heads = columns(
+        "Errors of the model", ">Unknown changes", ">σ, %", ">95 % from", ">to", "Changes that the data want"
+    )
+    rows = tuple(
+        row(
+            c.what, short(c.count), short(c.sd_percent), *map(short, c.interval_95),
+            "; ".join(f"{w.what} {w.change_percent:+.2g} %" for w in record.wanted if w.of == c.what),
+        )
+        for c in record.model_errors
+    )  # fmt: skip
+    note = (
+        "Unknown changes of what no parameter represents. Their standard deviation follows from the data, relative to "
+        "the usual change of a field: 20 % of a stiffness, 10 % of a mass. Masses that the deck does not have are "
+        "relative to 5 % of the mass of the model, supports to the largest plausible compliance."
+    )
+    return Table("Errors of the model", heads, rows, note)
 
 
 def _pictures(source: ReportSource, record: PosteriorResults) -> list[Block]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from femtune.sampling.kinds import NoiseRule, Route
+from femtune.sampling.kinds import Discrepancy, NoiseRule, Route
 from femtune.study.record import Alert, CitationRecord, Record
 
 
@@ -29,6 +29,10 @@ class PosteriorParameter(Record):
     """The interval with linearised residuals."""
     update_interval_95: tuple[float, float] | None
     """The interval of the update; None where it gives none."""
+    of_data_sd: float | None = None
+    """Standard deviation with errors of the data alone; None where no errors of the model are taken."""
+    of_data_interval_95: tuple[float, float] | None = None
+    """The interval with errors of the data alone; None where no errors of the model are taken."""
     prior_sd: float | None
     """Standard deviation before the test: that of a uniform distribution between the bounds, or of the prior of the
     update; None for tied parameters."""
@@ -47,6 +51,32 @@ class PosteriorNoise(Record):
     """Actual over stated standard deviation, median; 1 where it is not estimated."""
     interval_95: tuple[float, float] | None
     """Interval of the factor; None where it is not estimated."""
+
+
+class ModelErrorClass(Record):
+    """Unknown changes of one kind of property, mass or support, which have one standard deviation."""
+
+    what: str
+    """What they are changes of."""
+    count: int
+    """Number of unknown changes."""
+    sd_percent: float
+    """Their standard deviation, median, in % of the usual change of each field: 20 % of a stiffness, 10 % of a mass. Of
+    masses and supports that the deck does not have it is relative to the largest plausible one."""
+    interval_95: tuple[float, float]
+    """Its interval, in %."""
+
+
+class WantedChange(Record):
+    """A change of something that no parameter represents."""
+
+    what: str
+    """Field of the deck, mass or support."""
+    of: str
+    """Its class."""
+    change_percent: float
+    """Most probable change in % of the value of the deck; of a mass that the deck does not have, of 5 % of the mass of
+    the model, and of a support of the largest plausible compliance."""
 
 
 class BentPair(Record):
@@ -76,6 +106,14 @@ class PosteriorResults(Record):
 
     noise: NoiseRule
     """Rule for the size of the errors of the data."""
+    discrepancy: Discrepancy = "none"
+    """Errors of the model that were asked for."""
+    no_model_errors: str = ""
+    """Why no errors of the model are taken although they were asked for."""
+    model_errors: tuple[ModelErrorClass, ...] = ()
+    """Sizes of the errors of the model, by class."""
+    wanted: tuple[WantedChange, ...] = ()
+    """Changes that the data want most, the largest first."""
     seed: int
     """Seed of the random numbers."""
     draws: int

@@ -32,6 +32,7 @@ from femtune.sampling import (
     noise_groups,
 )
 from femtune.steps.posterior.facts import OutsideOptimum, SampledFacts, posterior_results
+from femtune.steps.posterior.model_errors import ModelErrors, model_errors, none_of
 from femtune.steps.run_folder import unwritable
 from femtune.study.error_places import errors_at
 from femtune.study.executor import executor_of
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.executor import Executor
     from femtune.files.study_file import PosteriorTable
-    from femtune.residuals import UpdateProblem
+    from femtune.residuals import Evaluation, UpdateProblem
     from femtune.steps.posterior.record import PosteriorResults
     from femtune.steps.update.run import FoundParameters
     from femtune.study.progress import Progress
@@ -101,7 +102,12 @@ def posterior_at(
         executor = executor_of(study, reduced=reduced is not None)
         solutions = _Solutions(solving, executor, FinishedRuns(folder / POSTERIOR_FILE, _key(solving)), progress)
         solutions.begin(study.file.study.journal)
-        likelihood = _likelihood(solving, result, table)
+        if table.discrepancy == "none":
+            errors = none_of(len(solving.of(solving.at, False).residuals))
+        else:
+            progress.step("posterior: effects of errors of the model", 0, None)
+            errors = model_errors(study, result, solving)
+        likelihood = _likelihood(solving, result, table, errors)
         sampler = _sampler(solving, likelihood, table, solutions)
         samples = sampler.run()
         starts, regions = _other_regions(study, update, problem, solving, samples, likelihood, table, progress)
@@ -111,7 +117,7 @@ def posterior_at(
         table=table, result=result, moving=solving.moving, samples=samples, likelihood=likelihood,
         anew=np.array([solutions.anew(x) for x in samples.x]), recalled=solutions.recalled,
         seconds=time.monotonic() - begun, executor=executor.words, starts=starts, regions=regions,
-        left_out=_left_out(solving), reduced_orders=orders, full_error=error,
+        errors=errors, left_out=_left_out(solving), reduced_orders=orders, full_error=error,
         remarks=tuple(n.what for n in solutions.remarks),
     )  # fmt: skip
     return posterior_results(facts, arrays)
@@ -119,13 +125,18 @@ def posterior_at(
 
 def solving_of(problem: UpdateProblem, result: UpdateResult, reduced: bool) -> Solving:
     """The problem about the result, with all that can be sent to another process."""
-    at = problem.start(result.x) if reduced else result.after
+    at = _at_result(problem, result) if reduced else result.after
     if not kept_blocks(at):
         raise FemtuneError("posterior.no-likelihood", reason="; ".join(_reasons(at.weighted)))
     moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
     sent = problem.to_send()
     # the journal keeps what the samples need, not their modes
     return Solving(sent, sent.unsolved(at), result.side, moving)
+
+
+def _at_result(problem: UpdateProblem, result: UpdateResult) -> Evaluation:
+    """The result on the models of another problem, with the same pairs."""
+    return problem.assess(result.x, problem.paired_as(result.after, problem.solved(result.x)))
 
 
 def _reasons(blocks: Sequence[Any]) -> list[str]:
@@ -136,7 +147,7 @@ def _left_out(solving: Solving) -> tuple[str, ...]:
     return tuple(_reasons(solving.at.weighted))
 
 
-def _likelihood(solving: Solving, result: UpdateResult, table: PosteriorTable) -> Likelihood:
+def _likelihood(solving: Solving, result: UpdateResult, table: PosteriorTable, errors: ModelErrors) -> Likelihood:
     blocks = kept_blocks(solving.at)
     kinds = np.array([b.kind for b in blocks for _ in b.values] + ["prior"] * solving.priors)
     fixed = np.arange(len(kinds)) >= len(kinds) - solving.priors
@@ -146,7 +157,7 @@ def _likelihood(solving: Solving, result: UpdateResult, table: PosteriorTable) -
     # standard deviations that are relative weights say nothing of the size of the errors
     rule = "common" if table.noise == "stated" and solving.problem.scatter == "estimated" else table.noise
     groups = noise_groups(kinds, fixed, lost, rule, result.covariance.freedom, FEWEST_DEGREES)
-    return Likelihood(groups, (), np.zeros((len(kinds), 0)))
+    return Likelihood(groups, errors.classes, errors.B)
 
 
 def _sampler(solving: Solving, likelihood: Likelihood, table: PosteriorTable, solutions: _Solutions) -> Sampler:
@@ -296,7 +307,7 @@ def _full_error(
 ) -> float | None:
     """Standard deviation of the difference of log likelihood of full and reduced model; None if it cannot be had."""
     moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
-    solving = Solving(full, full.start(result.x), result.side, moving)
+    solving = Solving(full, _at_result(full, result), result.side, moving)
     rng = np.random.default_rng(0)
     chosen = rng.choice(len(samples.x), _CHECKED_ON_FULL, p=samples.weights.values)
     differences = []

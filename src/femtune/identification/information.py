@@ -1,0 +1,119 @@
+"""Modes that too few orders show, and that the data need: chosen by what they explain, not by stability alone.
+
+A weak or heavily damped mode is stable in few orders. The modal fit tells whether it is one: with its pole the errors
+near it are noise from line to line, and without it they are larger by more than chance. Where the errors near it are
+no noise with the pole either, as for functions of a structure that is not linear, nothing is added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from femtune.arrays import Complexes, Integers, Reals
+from femtune.errors import FemtuneError
+from femtune.identification.choice import Candidate
+from femtune.identification.modal_fit import ModalFit
+from femtune.identification.near_band import gain
+from femtune.identification.pole_table import PoleTable
+from femtune.identification.significance import stands_out
+
+CHANCE = 1e-9
+"""Probability of what a pole of noise would explain: there are many places where one could be."""
+LEAST_SHARE = 0.1
+"""Part of the orders of a method that have the pole at least."""
+MOST_TRIALS = 8
+"""Clusters that are tried, those of the largest share first."""
+LEAST_WHITE = 0.7
+"""Mean square of the fourth differences of the errors over 70 times their own, which is 1 for white noise. Errors of a
+model that does not hold change slowly from line to line: with 0.25 they were taken for modes."""
+KNOWN_DAMPING = 4.0
+"""Standard deviations of the damping ratio above zero."""
+_LEAST_LINES, _HALF_BANDS = 16, 4.0
+"""Lines on each side of a pole at least, and half bandwidths."""
+_APART = 0.2
+"""Distance from the other poles in half bandwidths at least."""
+
+Refit = Callable[[Complexes, Complexes], ModalFit]
+"""The fit that starts from poles of modes and poles outside the band."""
+
+
+def with_needed_modes(
+    fit: ModalFit, candidates: Sequence[Candidate], table: PoleTable, refit: Refit, line: Reals | None = None
+) -> tuple[ModalFit, tuple[Candidate, ...]]:
+    """The fit with the clusters that the data need, which are chosen then.
+
+    Parameters
+    ----------
+    fit : of the candidates that are chosen, in their order
+    line : (k,) weights of the lines, where they are not equal
+    """
+    kept, now_fit, added = list(candidates), fit, []
+    for i in _tried(candidates):
+        chosen = [j for j, c in enumerate(kept) if c.chosen]
+        inside = np.flatnonzero(~now_fit.outside)
+        now = dict(zip((chosen[b] for b in now_fit.begun_at[inside]), now_fit.poles[inside]))
+        now[i] = complex(table.poles[kept[i].at])
+        try:
+            trial = refit(np.array([now[j] for j in sorted(now)]), now_fit.poles[now_fit.outside])
+        except (FemtuneError, np.linalg.LinAlgError):
+            continue
+        if _explains(trial, now_fit, sorted(now).index(i)):
+            now_fit = trial
+            added.append(i)
+            kept[i] = replace(kept[i], chosen=True, reason=f"{kept[i].reason}; the functions are noise only with it")
+    chosen = [j for j, c in enumerate(kept) if c.chosen]
+    ends = [now_fit.poles[now_fit.begun_at == chosen.index(i)][0] for i in added]
+    # one that hides others is no noise near it before these are there too
+    if not added or not all(_is_white(now_fit, _near(now_fit.measured.freq_hz, end), line) for end in ends):
+        return fit, tuple(candidates)
+    return now_fit, tuple(kept)
+
+
+def _tried(candidates: Sequence[Candidate]) -> list[int]:
+    left = [
+        i
+        for i, c in enumerate(candidates)
+        if not c.chosen and c.reason.startswith("stable in") and max(c.share.values()) >= LEAST_SHARE
+    ]
+    return sorted(left, key=lambda i: -max(candidates[i].share.values()))[:MOST_TRIALS]
+
+
+def _explains(trial: ModalFit, fit: ModalFit, begun_at: int) -> bool:
+    """Whether a further pole in the band, with a known damping, explains more than chance."""
+    n, u, _ = trial.measured.values.shape
+    if not trial.converged or gain(trial, fit) <= float(chdtri(2 + 2 * n * u, CHANCE)):
+        return False
+    r = int(np.flatnonzero(trial.begun_at == begun_at)[0])
+    pole, others, lines = trial.poles[r], np.delete(trial.poles, r), trial.measured.freq_hz
+    inside = bool(lines[0] <= abs(pole) / (2.0 * np.pi) <= lines[-1])
+    apart = bool(np.all(np.abs(others - pole) >= _APART * abs(pole.real)))
+    if not (inside and apart and _damping_is_known(trial, r)):
+        return False
+    # noise that is larger at the resonances makes poles of its own beside them
+    values = trial.measured.values - (0.0 if trial.ends is None else trial.ends[:, None])
+    return stands_out(replace(trial.measured, values=values), complex(pole), others)
+
+
+def _damping_is_known(fit: ModalFit, r: int) -> bool:
+    # the relative error of a damping ratio is nearly that of Re λ
+    return bool(KNOWN_DAMPING * np.sqrt(fit.pole_covariance[r, r]) < -fit.poles[r].real)
+
+
+def _near(freq_hz: Reals, pole: complex) -> Integers:
+    away = np.abs(freq_hz - abs(pole) / (2.0 * np.pi))
+    inside = int(np.sum(away <= _HALF_BANDS * abs(pole.real) / (2.0 * np.pi)))
+    return np.sort(np.argsort(away, kind="stable")[: max(2 * _LEAST_LINES + 1, inside)])
+
+
+def _is_white(fit: ModalFit, near: Integers, line: Reals | None) -> bool:
+    """Whether what the fit leaves near a pole is noise, in the functions of which it leaves most."""
+    values = fit.measured.values - fit.synthesised.values
+    if fit.ends is not None:
+        values = values - fit.ends[:, None]
+    left = values[:, :, near] * (1.0 if line is None else line[near])
+    rough = np.mean(np.abs(np.diff(left, 4, axis=2)) ** 2) / 70.0
+    return bool(rough >= LEAST_WHITE * np.mean(np.abs(left) ** 2))

@@ -1,0 +1,55 @@
+"""The benchmark of laboratory records: its truth, its bounds, and what it counts."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+_FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "identification" / "laboratory"
+_MODULES = ("simulated", "bounds", "score", "page")
+
+
+@pytest.fixture(scope="module")
+def modules() -> Iterator[dict[str, ModuleType]]:
+    """The modules of the benchmark, whose names other packages have too."""
+    path, before = list(sys.path), {name: sys.modules.pop(name, None) for name in _MODULES}
+    sys.path.insert(0, str(_FOLDER))
+    yield {name: importlib.import_module(name) for name in _MODULES}
+    sys.path[:] = path
+    for name, module in before.items():
+        sys.modules.pop(name, None)
+        if module is not None:
+            sys.modules[name] = module
+
+
+def test_records_are_the_same_each_time_and_bounds_fall_with_the_hits(modules: dict[str, ModuleType]) -> None:
+    made, bounds = modules["simulated"], modules["bounds"].bounds
+    one = made.structure(3)
+    assert np.array_equal(made.structure(3).poles, one.poles)
+    single, five = (made.recorded(one, kind) for kind in ("hammer, 1 hit", "hammer, 5 hits"))
+    assert np.array_equal(made.recorded(one, "hammer, 1 hit").responses, single.responses)
+    ratio = bounds(one, single)[1] / bounds(one, five)[1]
+    # five hits of nearly one size, with noise relative to the same rms
+    assert ratio == pytest.approx(np.sqrt(5.0), rel=0.25)
+
+
+def test_what_is_found_is_matched_one_to_one(modules: dict[str, ModuleType]) -> None:
+    one = modules["simulated"].structure(6)
+    bound = (np.full(one.inside, 1e-4), np.full(one.inside, 1e-5))
+    exact = [
+        {"freq_hz": f, "damping_ratio": z, "freq_sd_hz": 1e-3, "damping_sd": 1e-4, "doubtful": False}
+        for f, z in zip(one.freq_hz[:-1], one.damping_ratio[:-1])
+    ]
+    scored = modules["score"].score(one, bound, [*exact, exact[0], {**exact[0], "freq_hz": 2.0 * one.freq_hz[0]}])
+    assert all(mode["found"] is not None and mode["held"] for mode in scored["modes"])
+    assert len(scored["false"]) == 2
+    about = {"seed": 6, "kind": "burst", "who": "femtune", "seconds": 1.0, "error": ""}
+    text = modules["page"].page([{**about, **scored}], 1)
+    assert f"100.0 % ({one.inside} of {one.inside})" in text
+    assert f"{200.0 / (one.inside + 2):.1f} % (2 of {one.inside + 2})" in text

@@ -1,0 +1,60 @@
+"""[posterior] with discrepancy = "properties": what no parameter represents may be wrong, within sizes of the data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import femtune as ft
+from structures.wrong_property import FRAME
+
+TRUTH = {"PBAR 1 I2": 1.1, "PBAR 3 I2": 0.9, "PBAR 4 I2": 1.15}
+RULES = {"noise": "stated", "draws": 120, "starts": 0, "seed": 3, "discrepancy": "properties"}
+
+
+@pytest.mark.slow
+def test_intervals_hold_beside_a_wrong_property(tmp_path: Path) -> None:
+    """The stiffness of the upper columns is 20 % off and no parameter; intervals of the data alone miss the truth."""
+    study = FRAME.study(tmp_path, TRUTH | {"PBAR 2 I2": 1.2})
+    result = ft.posterior(study, posterior=RULES, update={"look_further": False})
+    record = result.results.posterior
+    assert record is not None
+    truth = [TRUTH[field] for field in FRAME.parameters]
+
+    def hits(ends: list[tuple[float, float]]) -> int:
+        return sum(low < value < high for (low, high), value in zip(ends, truth, strict=True))
+
+    assert hits([p.interval_95 for p in record.parameters]) == 3
+    alone = [p.of_data_interval_95 for p in record.parameters if p.of_data_interval_95 is not None]
+    assert hits(alone) < 3
+    assert [c.what for c in record.model_errors] == ["stiffnesses", "masses", "supports that give way"]
+    stiffness, mass, _ = record.model_errors
+    assert stiffness.sd_percent > 3.0 * mass.sd_percent
+    first = record.wanted[0]
+    assert first.what.startswith("PBAR 2 I2, ")
+    assert 0.0 < first.change_percent < 25.0
+    assert any("Errors of the model widen the intervals" in sentence for sentence in record.sentences)
+    sizes = result.arrays[record.sizes_key]
+    assert sizes.shape == (record.draws, 3)
+    weighted = np.average(np.log(sizes[:, 0]), weights=result.arrays[record.weights_key])
+    assert 100.0 * np.exp(weighted) == pytest.approx(stiffness.sd_percent, rel=0.3)
+
+
+@pytest.mark.slow
+def test_a_model_of_matrices_has_no_properties_that_could_change() -> None:
+    K = 1e4 * (2.0 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
+    parts = [{"name": "K", "file": K}, {"name": "M", "file": 2.0 * np.eye(4)}]
+    model = ft.read_matrices([parts[0]], [parts[1]], dofs=["1Z", "2Z", "3Z", "4Z"], units="m-kg-s")
+    true = ft.read_matrices(1.1 * K, 2.0 * np.eye(4), dofs=["1Z", "2Z", "3Z", "4Z"], units="m-kg-s")
+    test = ft.simulate(true, ["1 THRU 4:3"], count=4, frequency_scatter=0.01, seed=1)
+    result = ft.posterior(
+        model, test, parameters=[ft.Parameter("k", fields=["MATRIX K"], lower=0.5, upper=2.0)],
+        residuals={"frequency_sd": 0.01}, posterior=RULES, sensors={"by_id": True},
+    )  # fmt: skip
+    record = result.results.posterior
+    assert record is not None
+    assert record.model_errors == ()
+    assert "the model has no elements" in record.no_model_errors
+    assert any("Errors of the model are not in the intervals" in sentence for sentence in record.sentences)
