@@ -32,8 +32,10 @@ LEAST_WHITE = 0.7
 model that does not hold change slowly from line to line: with 0.25 they were taken for modes."""
 KNOWN_DAMPING = 4.0
 """Standard deviations of the damping ratio above zero."""
-_LEAST_LINES, _HALF_BANDS = 16, 4.0
-"""Lines on each side of a pole at least, and half bandwidths."""
+_LEAST_LINES = 16
+"""Lines on each side of a pole at least, from which the noise near it is estimated to a sixth."""
+_HALF_BANDS = 4.0
+"""Half bandwidths on each side of a pole: the response of its mode is a quarter of the peak there."""
 _APART = 0.2
 """Distance from the other poles in half bandwidths at least."""
 
