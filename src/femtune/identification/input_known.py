@@ -195,7 +195,7 @@ def _identified(
     def refit(inside: Complexes, outside: Complexes) -> ModalFit:
         return fit_modes(fitted, inside, known, terms, neighbours=outside, whole=lines)
 
-    # the errors of functions that were made elsewhere are not noise alone: frequencies that change between hits, windows
+    # functions that were made elsewhere have errors that are no noise: frequencies that change between hits, windows
     if lines is not None and not asked.picked:
         fit, candidates = with_needed_modes(fit, candidates, table, refit, lines.line)
         chosen = np.flatnonzero([c.chosen for c in candidates])
