@@ -14,6 +14,8 @@ from femtune.identification.modal_fit import fit_modes
 from femtune.identification.plscf import normal_equations, plscf_poles
 from femtune.modal import FrfSet
 
+from .conftest import Known
+
 LINES = np.linspace(5.0, 30.0, 400)
 
 
@@ -55,3 +57,16 @@ def test_noise_gives_no_modes(three_modes: Any) -> None:
         frfs = three_modes.frfs(LINES, noise=0.02, seed=seed)
         found = identify_frfs(frfs, InputKnown(largest_order=40, rule=Rule(alone=0.7)))
         assert len(found.modes) == 3
+
+
+def test_functions_that_were_measured_one_after_the_other_have_no_further_modes() -> None:
+    """Frequencies that fall by parts of a bandwidth between the hits of a roving hammer: each mode is still one."""
+    shapes = np.cos(np.outer(np.arange(9), [0.35, 0.75])) / 2.0
+    structure = Known(np.array([10.0, 11.5]), np.array([1.5e-4, 1.2e-4]), shapes)
+    lines = np.linspace(9.5, 12.0, 1250)
+    exact = structure.frfs(lines, noise=0.0, seed=0)
+    values = exact.values.copy()
+    for i, shift in enumerate(np.linspace(0.0, 1e-4, 9)):
+        values[i] = structure.frfs(lines * (1.0 + shift), noise=0.01, seed=i).values[i]
+    identified = identify_frfs(replace(exact, values=values), InputKnown(rule=Rule(alone=0.7)))
+    assert identified.modes.freq_hz == pytest.approx(structure.freq_hz, rel=2e-4)

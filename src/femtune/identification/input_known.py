@@ -195,8 +195,9 @@ def _identified(
     def refit(inside: Complexes, outside: Complexes) -> ModalFit:
         return fit_modes(fitted, inside, known, terms, neighbours=outside, whole=lines)
 
-    if not asked.picked:
-        fit, candidates = with_needed_modes(fit, candidates, table, refit, None if lines is None else lines.line)
+    # functions that were made elsewhere have errors that are no noise: frequencies that change between hits, windows
+    if lines is not None and not asked.picked:
+        fit, candidates = with_needed_modes(fit, candidates, table, refit, lines.line)
         chosen = np.flatnonzero([c.chosen for c in candidates])
     if lines is not None:
         fit = _beside_functions(fit, elastic, lines, terms)

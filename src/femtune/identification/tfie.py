@@ -29,15 +29,15 @@ class PhaseScatter:
         line, weighted by how far they stand out of their own level; it reaches 1.8 where phases are random
     strength : (k,) mean square amplitude of all channels in units of their medians
     ratios : (k, s) mean of D_ij/D_jj with j the strongest channel, weighted with D_jj: complex shapes
-    magnitudes : (k, s) mean over time of |D_ij|/D_jj, with the signs of `ratios`: the published form. Noise makes them
-        too large, most at points that hardly move
+    magnitudes : (k, s) mean over time of |D_ij|/D_jj, the published form, with the phases of `ratios`, which tell signs
+        and quantities apart. Noise makes them too large, most at points that hardly move
     """
 
     freq_hz: Reals
     sd_rad: Reals
     strength: Reals
     ratios: Complexes
-    magnitudes: Reals
+    magnitudes: Complexes
 
 
 def phase_scatter(
@@ -63,7 +63,7 @@ def phase_scatter(
     own = np.abs(reference) ** 2
     moving = own > _LEAST_POWER * own.mean(axis=1, keepdims=True)
     each = np.divide(np.abs(cross), own, out=np.zeros_like(own * np.abs(cross)), where=moving)
-    magnitudes = each.sum(axis=2) / np.maximum(moving.sum(axis=1), 1) * np.where(ratios.real < 0.0, -1.0, 1.0)
+    magnitudes = each.sum(axis=2) / np.maximum(moving.sum(axis=1), 1) * np.exp(1j * np.angle(ratios))
     return PhaseScatter(freq, scatter, power.sum(axis=0), ratios.T, magnitudes.T)
 
 
@@ -82,9 +82,7 @@ def steady_lines(found: PhaseScatter, band_hz: tuple[float, float], most_rad: fl
     return [int(i) for i in at]
 
 
-def mode_at(
-    found: PhaseScatter, line: int, ratios: Complexes | Reals | None = None, reach: int = 3
-) -> tuple[float, Complexes]:
+def mode_at(found: PhaseScatter, line: int, ratios: Complexes | None = None, reach: int = 3) -> tuple[float, Complexes]:
     """Frequency and shape (s,) of unit norm at a steady line, complex; by `ratios` of `found` or its `magnitudes`.
 
     The frequency is the centre of gravity of the steady lines around it, weighted by their strength.

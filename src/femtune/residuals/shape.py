@@ -61,8 +61,10 @@ def _unit_norm(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals]:
 def _largest_entry(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals, NDArray[np.bool_]]:
     top = int(np.argmax(np.abs(test)))
     rest = np.arange(len(test)) != top
-    ratio = phi / phi[top]
-    jacobian = (slope - np.outer(ratio, slope[top])) / phi[top]
+    # a model that does not move there is infinitely far from the test, which a search refuses
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = phi / phi[top]
+        jacobian = (slope - np.outer(ratio, slope[top])) / phi[top]
     return (ratio - test / test[top])[rest], jacobian[rest], rest
 
 
