@@ -43,7 +43,7 @@ def test_intervals_hold_beside_a_wrong_property(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_model_of_matrices_has_no_properties_that_could_change() -> None:
+def test_a_model_of_matrices_has_no_properties_that_could_change(tmp_path: Path) -> None:
     K = 1e4 * (2.0 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
     parts = [{"name": "K", "file": K}, {"name": "M", "file": 2.0 * np.eye(4)}]
     model = ft.read_matrices([parts[0]], [parts[1]], dofs=["1Z", "2Z", "3Z", "4Z"], units="m-kg-s")
@@ -52,6 +52,7 @@ def test_a_model_of_matrices_has_no_properties_that_could_change() -> None:
     result = ft.posterior(
         model, test, parameters=[ft.Parameter("k", fields=["MATRIX K"], lower=0.5, upper=2.0)],
         residuals={"frequency_sd": 0.01}, posterior=RULES, sensors={"by_id": True},
+        output=tmp_path / "run",
     )  # fmt: skip
     record = result.results.posterior
     assert record is not None
