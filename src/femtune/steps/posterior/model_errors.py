@@ -82,7 +82,9 @@ def model_errors(study: Study, result: UpdateResult, solving: Solving) -> ModelE
     except FemtuneError as error:
         return none_of(rows, f"the model could not be extended by unknown changes: {error.what}")
     if _rows_of(end) != _rows_of(solving.at):
-        return none_of(rows, "residuals of FRFs of a large model are compared")
+        return none_of(
+            rows, "not all residuals have derivatives by unknown changes, as FRFs of models above 1,000 free DOFs"
+        )
     J = np.concatenate([b.jacobian for b in kept_blocks(end)])[:, len(result.x) :]
     J = np.vstack([J, np.zeros((rows - len(J), J.shape[1]))])
     changes = [*_of_fields(study, result, fields, factors, J), *_added(masses, J), *_added(supports, J)]
@@ -107,6 +109,7 @@ def _of_fields(
     study: Study, result: UpdateResult, fields: Sequence[TestedField], factors: Sequence[WideningFactor], J: Reals
 ) -> Iterator[_Change]:
     by_ref = {str(f.candidate.ref): f for f in fields if not f.place}
+    # factors by the parameters that set them; one that none sets is by itself
     owners: dict[tuple[str, ...], list[int]] = {}
     for i, factor in enumerate(factors):
         of_field = [a for a in study.model.assignments if a.ref == factor.ref and a.parameter in result.active]
@@ -129,7 +132,7 @@ def _of_fields(
 
 
 def _added(tested: Sequence[TestedMass] | Sequence[TestedSupport], J: Reals) -> Iterator[_Change]:
-    """One for each neighbourhood; all supports in one direction are the sum of theirs."""
+    """One for each neighbourhood; supports that are tested together are left out, as the sum of theirs."""
     for one in tested:
         if len(one.factors) == 1:
             of = _MASSES if isinstance(one, TestedMass) else _SUPPORTS
