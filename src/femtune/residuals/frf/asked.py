@@ -19,6 +19,7 @@ from femtune.residuals.case import CaseState
 from femtune.residuals.frf.against_model import against_model
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual, ZeroGates, antiresonance_residual
 from femtune.residuals.frf.choice import frf_residual
+from femtune.residuals.frf.equalised import weighted_by_identification
 from femtune.residuals.frf.left_out import LeftOutModes, left_out_modes
 from femtune.residuals.frf.lines import Band, Lines, PairedResonances
 from femtune.residuals.frf.measured_zeros import ZeroSearch, found_antiresonances
@@ -67,7 +68,8 @@ class AskedFrfs(AtFirstState):
             if test is None:
                 return residual, (*told, *undamped(asked.name, state.full, damping))
             # lines of an identified test are free of the noise of single lines, which would bias their weights
-            return replace(residual, identified=test.redrawn, shift=None), told
+            residual, lost = weighted_by_identification(replace(residual, identified=test.redrawn, shift=None))
+            return residual, (*told, *lost)
 
         def raw(residual: FrfResidual, identified: RedrawnTest, state: CaseState, damping: ModalDamping) -> FrfResidual:
             test = asked.equalised()
