@@ -1,4 +1,4 @@
-"""Weights of the FRFs of an identified test: they are known to what the noise of the test leaves of them.
+"""FRFs of an identified test with one damping ratio beside those of a model: its damping, and their weights.
 
 Near an antiresonance the identified FRF is a small difference of large terms. Its logarithm is far less certain there
 than the stated standard deviation says, and not even normal; with the stated weights such lines decide the parameters.
@@ -11,9 +11,21 @@ from dataclasses import replace
 import numpy as np
 
 from femtune.errors import Notice
+from femtune.model import ModalDamping, damping_table
 from femtune.residuals.frf.choice import lost_in_noise
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.residuals.frf.scatter import ABOVE_NOISE
+
+
+def equal_damping(ratio: float, band_hz: tuple[float, float], outside: float) -> ModalDamping:
+    """One damping ratio for the modes of a model inside a band, and another for those outside it.
+
+    Outside the band the poles of the test keep their damping, small as it is: a model with the ratio of the band there
+    would have another phase, most of all at antiresonances.
+    """
+    low, high = band_hz
+    ratios = (outside, outside, ratio, ratio, outside, outside)
+    return damping_table((0.0, low, low, high, high, 2.0 * high), ratios, flat=True)
 
 
 def weighted_by_identification(residual: FrfResidual) -> tuple[FrfResidual, tuple[Notice, ...]]:
