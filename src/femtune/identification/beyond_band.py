@@ -1,8 +1,8 @@
 """Poles far from the band that stand for all modes there: their number is what the functions want.
 
 Each has a fixed place and one shape and participation. Too few of them leave a systematic error where a function is
-small, at its antiresonances, and parameters of a model that is compared there follow it. One more is taken as long as it
-lowers the errors by more than noise does.
+small, at its antiresonances, and parameters of a model that is compared there follow it. One more is taken as long as
+it lowers the errors by more than noise does.
 """
 
 from __future__ import annotations
@@ -25,7 +25,13 @@ CHANCE = 1e-4
 
 
 def system_beyond(
-    frfs: FrfSet, inside: Complexes, band_hz: tuple[float, float], low: int | None, high: int | None, *, reciprocal: bool
+    frfs: FrfSet,
+    inside: Complexes,
+    band_hz: tuple[float, float],
+    low: int | None,
+    high: int | None,
+    *,
+    reciprocal: bool,
 ) -> SystemFit:
     """The system with the poles of the modes, and poles that stand for what lies far from the band.
 

@@ -110,7 +110,9 @@ def frf_residual(
     name = configured.configuration.name
     places = places or places_of(configured.model.structure.nodes, measured)
     residual = weighted_residual(name, measured, places, lines or Band(), form, scatter, way)
-    notices = lost_in_noise(residual, np.isfinite(residual.measured.values)) if scatter.floor and form != "linear" else []
+    notices = (
+        lost_in_noise(residual, np.isfinite(residual.measured.values)) if scatter.floor and form != "linear" else []
+    )
     residual = _coupled(residual, silent_functions(residual, model), notices)
     if not np.isfinite(residual.sd).any():
         raise _nothing_left(name, notices)
