@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -57,6 +57,9 @@ class SearchTable(TomlTable):
     front: Annotated[int, Field(ge=0, le=1000)] = 0
     """Number of points of the front of frequency errors against other errors that are shown and confirmed by a run of
     the model; 0: no front. Example: `10`"""
+    front_objectives: Literal[2, 3] = 2
+    """Objectives of the front: 2: errors of frequencies, and of all else that is compared; 3: of frequencies, of shapes
+    (1 − MAC where the study has MAC residuals), and of the rest. Example: `3`"""
     seed: Seed = 0
     """The first seed, of the searches and of the Latin hypercube. Example: `7`"""
 

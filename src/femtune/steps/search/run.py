@@ -91,7 +91,7 @@ _SAME_POINT = 1e-3
 
 It is above the accuracy with which a search ends.
 """
-_FRONT = "search_front"
+_FRONT, _FRONT_MODEL = "search_front", "search_front_model"
 _WRONG_SURROGATE = 1.0
 """Difference of χ² between surrogate and model, relative to 1 + χ² of the model, above which an alert says that the
 surrogate is wrong.
@@ -147,8 +147,9 @@ def search_minimum(
             with watch.step("least squares"):
                 record = search.record(ended, arrays)
         if table_of_front is not None:
-            heads = [*(p.name for p in record.parameters), "frequency_error_squared", "other_error"]
-            write_csv(table_of_front, heads, arrays[_FRONT])
+            objectives = ["frequency_error_squared", "other_error", "third_error"][: table.front_objectives]
+            heads = [*(p.name for p in record.parameters), *objectives, *(f"{name}_model" for name in objectives)]
+            write_csv(table_of_front, heads, np.hstack([arrays[_FRONT], arrays[_FRONT_MODEL]]))
     results = Results(
         provenance=provenance(inputs, watch),
         study=study_facts(study),
@@ -216,9 +217,9 @@ class _Search:
 
     @cached_property
     def parts(self) -> ErrorParts:
-        """The two objectives of the front (errors ``search.front``)."""
+        """The objectives of the front (errors ``search.front``)."""
         with errors_at(self.study.file.where("search", "front")):
-            return ErrorParts.of(self.work.problem, self.work.before)
+            return ErrorParts.of(self.work.problem, self.work.before, self.table.front_objectives)
 
     @property
     def bounds(self) -> tuple[Reals, Reals]:
@@ -411,11 +412,17 @@ class _Search:
         on_model = front.values[chosen]
         if self.table.on == "surrogate" and len(chosen):
             on_model = self.parts(self.run(front.x[chosen], "the model on the front"))
+        arrays[_FRONT_MODEL] = np.full(front.values.shape, np.nan)
+        arrays[_FRONT_MODEL][chosen] = on_model
         initial = self.parts(self.work.before.residuals)
+        three = front.values.shape[1] == 3
         return FrontResults(
             label=self.parts.label,
+            third_label=self.parts.third_label,
             initial_frequency=float(initial[0]),
             initial_other=float(initial[1]),
+            initial_third=float(initial[2]) if three else None,
+            model_key=_FRONT_MODEL,
             points=tuple(
                 FrontPoint(
                     parameters=tuple(map(float, values[i])),
@@ -423,6 +430,8 @@ class _Search:
                     other=float(front.values[i, 1]),
                     frequency_model=_finite(pair[0]),
                     other_model=_finite(pair[1]),
+                    third=float(front.values[i, 2]) if three else None,
+                    third_model=_finite(pair[2]) if three else None,
                 )
                 for i, pair in zip(chosen, on_model, strict=True)
             ),
