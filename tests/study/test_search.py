@@ -352,3 +352,18 @@ def test_too_few_runs_are_refused_before_any_is_made(beam: Bench) -> None:
     assert caught.value.code == "search.too-few"
     assert caught.value.what.startswith("4 runs ")
     assert caught.value.what.endswith(" 8")
+
+
+@pytest.mark.slow
+def test_the_genetic_algorithm_of_a_study_and_other_samples(beam: Bench) -> None:
+    """Crossover and mutation reach the search; without either the first generation is all there is."""
+    text = EI + RESIDUALS + SMALL.replace("runs = 16\n", "") + 'sample = "central-composite"\nmethod = "genetic"\n'
+    still = ft.search(beam.study(text + "population = 20\ngenerations = 5\ncrossover = 0.0\nmutation = 0.0\n"))
+    assert still.record.surrogate is not None
+    # corners, axial points and the centre, then the fresh runs and the infill
+    assert still.record.surrogate.runs == 9 + 3 + 2
+    for seed in (0.0, 1.0):
+        values = still.history[still.history[:, 0] == seed, 2]
+        np.testing.assert_allclose(values, values[0], rtol=1e-9)
+    found = ft.search(beam.study(text + "population = 20\ncrossover = 0.8\nmutation = 0.005\n"))
+    assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)

@@ -12,7 +12,7 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.experiments import VarianceIndices, latin_hypercube
+from femtune.experiments import VarianceIndices, latin_hypercube, sample
 from femtune.files.study_file import with_search
 from femtune.global_search import Front, GlobalMinimum, SearchRules, front_of, global_minimum, surrogate_minimum
 from femtune.global_search.kinds import METHODS
@@ -230,7 +230,11 @@ class _Search:
     def rules(self) -> SearchRules:
         """Of the global search."""
         table = self.table
-        return SearchRules(table.method, table.population, table.generations, seed=table.seed)
+        crossover = SearchRules.crossover if table.crossover is None else table.crossover
+        return SearchRules(
+            table.method, table.population, table.generations, crossover=crossover, mutation=table.mutation,
+            seed=table.seed,
+        )  # fmt: skip
 
     def run(self, points: Reals, what: str) -> Reals:
         """(n, m) residuals at points (n, k), NaN where a run failed."""
@@ -246,8 +250,7 @@ class _Search:
 
         searches = []
         for seed in range(self.table.seed, self.table.seed + self.table.seeds):
-            rules = SearchRules(self.table.method, self.table.population, self.table.generations, seed=seed)
-            searches.append(global_minimum(objective, *self.bounds, rules))
+            searches.append(global_minimum(objective, *self.bounds, replace(self.rules, seed=seed)))
         if not np.isfinite(searches[0].value):
             raise FemtuneError("search.all-failed", runs=len(self.runs), reason=self.runs[0].problem)
         front = self._front(lambda points: self.run(points, "runs of a generation of the front"))
@@ -323,12 +326,12 @@ class _Search:
         return where_wrong(surrogate, min(_RUNS_PER_FIT, left), table.seed + made)
 
     def _designed(self, wanted: int) -> tuple[Reals, Reals]:
-        """Points of a Latin hypercube and their residuals; as many further ones as runs failed."""
+        """Points of the sample and their residuals; as many further ones, of a Latin hypercube, as runs failed."""
         lower, upper = self.bounds
-        x = lower + latin_hypercube(len(lower), wanted, self.table.seed).points * (upper - lower)
+        x = lower + sample(self.table.sample, len(lower), wanted, self.table.seed).points * (upper - lower)
         r = self.run(x, "runs for the surrogate")
         failed = int(np.isnan(r).any(axis=1).sum())
-        if not 0 < failed < wanted:
+        if not 0 < failed < len(x):
             return x, r
         more = lower + latin_hypercube(len(lower), failed, self.table.seed + 2).points * (upper - lower)
         return np.vstack([x, more]), np.vstack([r, self.run(more, "runs in the place of those that failed")])
