@@ -22,6 +22,7 @@ from femtune.identification.choice import (
     chosen_poles,
     pick_poles,
 )
+from femtune.identification.force_noise import with_force_noise
 from femtune.identification.frf_checks import check_frfs, dead_responses
 from femtune.identification.in_place import in_place
 from femtune.identification.information import with_needed_modes
@@ -73,6 +74,9 @@ class InputKnown:
     exponential_s : time constant τ of an exponential window e^{−t/τ} with which the functions were made. They are those
         of the structure at s = iω + 1/τ; poles, modes and system are those without the window
     suspension_hz : modes below it are rigid-body motions on a suspension, which are fitted and not reported
+    by_reciprocity : functions of more forces than responses, as a hammer that roves gives them, are identified as those
+        of so many responses: H_ij = H_ji. The shapes are at the points of the forces then, the measured and the
+        synthesised functions have their axes exchanged, and the system has those that were measured
     """
 
     band_hz: tuple[float, float] | None = None
@@ -90,6 +94,7 @@ class InputKnown:
     real: bool = True
     exponential_s: float | None = None
     suspension_hz: float = 0.0
+    by_reciprocity: bool = True
 
     def __post_init__(self) -> None:
         unknown = set(self.methods) - set(KNOWN_INPUT)
@@ -159,9 +164,17 @@ def identify_frfs(
         ``identify.missing-pair``, ``identify.missing-lines``, ``identify.no-candidate``, ``identify.rigid-modes``,
         ``identify.no-driving-point``
     """
-    told = check_frfs(frfs)
+    told = list(check_frfs(frfs))
+    roving = whole is None and asked.by_reciprocity and len(frfs.references) > len(frfs.responses)
+    used = _without_dead(frfs)
+    if roving:
+        counts = {"n_forces": len(frfs.references), "n_responses": len(frfs.responses)}
+        told.append(Notice("identify.reciprocity", level="info", **counts))
+        used, sd = used.transposed(), None if sd is None else np.swapaxes(sd, 0, 1)
     with with_notices(told):
-        identified = _identified(_without_dead(frfs), asked, sd, whole)
+        identified = _identified(used, asked, sd, whole)
+    if roving:
+        identified = replace(identified, system=identified.system.transposed())
     return replace(identified, notices=(*told, *identified.notices))
 
 
@@ -191,15 +204,21 @@ def _identified(
     start, terms = chosen_poles(candidates, table).poles, terms_outside(asked)
     lines = of_record if of_record is None or asked.band_hz is None else of_record.inside(*band)
     fitted, known = (elastic, errors) if lines is None else (lines.frfs, None)
-    fit = fit_with_neighbours(fitted, start, known, terms, lines)
 
     def refit(inside: Complexes, outside: Complexes) -> ModalFit:
         return fit_modes(fitted, inside, known, terms, neighbours=outside, whole=lines)
 
+    def search(inside: Complexes) -> ModalFit:
+        return fit_with_neighbours(fitted, inside, known, terms, lines)
+
+    fit = search(start)
     # functions that were made elsewhere have errors that are no noise: frequencies that change between hits, windows
     if lines is not None and not asked.picked:
-        fit, candidates = with_needed_modes(fit, candidates, table, refit, lines.line)
+        fit, candidates = with_needed_modes(fit, candidates, table, refit, lines.line, search)
         chosen = np.flatnonzero([c.chosen for c in candidates])
+        by_hand = [c.reason == CHOSEN_BY_USER for c in candidates]
+    if lines is not None and fit.converged:
+        fit = with_force_noise(fit, lines, terms)
     if lines is not None:
         fit = _beside_functions(fit, elastic, lines, terms)
     of_system = _system(motion, fit, band, asked)
