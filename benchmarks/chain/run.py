@@ -26,6 +26,8 @@ from frame import EQUAL, FLOOR, KINDS, LINES, MASS, NOISE, SETUPS, SOFT, SPREAD,
 from scipy.stats import beta
 
 import femtune as ft
+from femtune.steps.update import run as update_run
+from femtune.uncertainty import common_test_of_estimates
 
 PAGE = "benchmark_chain.md"
 Row = dict[str, Any]
@@ -54,12 +56,38 @@ Key = tuple[SetUp, Kind, int, bool]
 """Set-up, kind, number, and whether the FRFs have noise."""
 
 
+ends: list[Any] = []
+"""Results of the updates of a trial."""
+
+
+def keep_ends() -> None:
+    """Keep the results of all updates, whose covariances are not written."""
+    original = update_run.with_noise_of_tests
+
+    def kept(*given: Any) -> Any:
+        out = original(*given)
+        ends.append(out[0])
+        return out
+
+    update_run.with_noise_of_tests = kept
+
+
+def together(one: Trial) -> dict[str, list[list[float]]]:
+    """Errors of all normalised parameters, and below them their covariance, with equal damping and at the end."""
+    out = {}
+    for name, end in zip(("equalised", "final"), ends):
+        if np.isfinite(end.covariance.matrix).all():
+            out[name] = [(end.x - (one.truth - 1.0)).tolist(), *end.covariance.matrix.tolist()]
+    return out
+
+
 def trial(setup: SetUp, kind: Kind, number: int, *, noisy: bool) -> Row:
     """One test: its parameters in standard deviations from the truth, and what the reader is told."""
     begun = time.process_time()
     one = Trial(kind, number, noisy, setup)
     redrawn = noisy and not number % REDRAWN
     more = MORE + (f"[bootstrap]\nruns = {RUNS}\nchecked = 0\n" if redrawn else "")
+    ends.clear()
     with tempfile.TemporaryDirectory() as folder:
         study = one.write(Path(folder), more)
         results = (ft.bootstrap if redrawn else ft.update)(study, output=Path(folder) / "out").results
@@ -80,7 +108,7 @@ def trial(setup: SetUp, kind: Kind, number: int, *, noisy: bool) -> Row:
         "final": [off(p.value, p.sd, truth[p.name]) for p in update.parameters],
         "shift": [p.value / truth[p.name] - 1.0 for p in update.parameters],
         "bootstrap": [bool(p.interval_95[0] <= truth[p.parameter] <= p.interval_95[1]) for p in drawn],
-        "codes": codes, "found": any(a.code == "update.mode-found" for a in results.alerts),
+        "together": together(one), "codes": codes, "found": any(a.code == "update.mode-found" for a in results.alerts),
         "seconds": time.process_time() - begun,
     }  # fmt: skip
 
@@ -208,6 +236,13 @@ def page(rows: list[Row], asked: int) -> str:
         "these: " + (", ".join(f"{name} ({count})" for name, count in _codes(noisy)) or "none occurred") + ".",
         "",
     ]
+    lines += [
+        f"Common parameters over {SPECIMENS} specimens, tested at {100 * LEVEL:g} % by the errors of right models of "
+        f"{first.replace(' x ', ' × ')}:",
+        f"with equal damping {specimens(of['right'], 'equalised')};",
+        f"with the measured FRFs {specimens(of['right'], 'final')}.",
+        "",
+    ]
     if exact:
         equal = [_largest(r["equalised_shift"]) for r in exact]
         last = [_largest(r["shift"]) for r in exact]
@@ -218,6 +253,29 @@ def page(rows: list[Row], asked: int) -> str:
             "",
         ]
     return "\n".join(lines)
+
+
+SPECIMENS = 3
+LEVEL = 0.05
+PLANTED = 5.0
+"""Difference of one parameter of one specimen, in its standard deviations."""
+
+
+def specimens(rows: list[Row], which: str) -> str:
+    """How often the test of common parameters over specimens is right, by the errors of trials of a right model."""
+    known = [r["together"][which] for r in rows if which in r["together"]]
+    groups = [known[i : i + SPECIMENS] for i in range(0, len(known) - SPECIMENS + 1, SPECIMENS)]
+    accused = found = 0
+    for number, group in enumerate(groups):
+        values, covariances = [np.array(g[0]) for g in group], [np.array(g[1:]) for g in group]
+        accused += common_test_of_estimates(values, covariances).p_value < LEVEL
+        at = number % len(values[0])
+        values[0][at] += PLANTED * np.sqrt(covariances[0][at, at])
+        found += common_test_of_estimates(values, covariances).p_value < LEVEL
+    return (
+        f"equal ones are rejected in {_share(accused, len(groups))}, a difference of {PLANTED:g} sd of one parameter "
+        + (f"is found in {_share(found, len(groups))}")
+    )
 
 
 def _redrawn(rows: list[Row]) -> str:
@@ -257,6 +315,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.some:
         until = time.monotonic() + options.seconds
+        keep_ends()
         for setup, kind, number, noisy in json.loads(options.some):
             if time.monotonic() < until:
                 print(json.dumps(trial(setup, kind, number, noisy=noisy)), flush=True)
