@@ -159,7 +159,7 @@ export class LivePanel {
     this.allowed = models;
     this.models.hidden = false;
     this.source = source === "posterior" ? "a sample of the posterior distribution"
-      : `of the linearised distribution, weighted by the true χ² (${shown(effective, 3)} of ${x.shape[0]} samples are effective)`;
+      : `of the linearised distribution, weighted by the true χ² and within its 95 % limit (${shown(effective, 3)} of ${x.shape[0]} samples are effective)`;
     this.showModel(0);
   }
 

@@ -72,7 +72,9 @@ function allowed({ count }: AskAllowed): void {
     return;
   }
   const at: [number, number] = [inRegion(region, live.x) * region.limit, trueSquares(live.x, draws.factors) ?? 0];
-  const logs = logWeights(draws.linear, rows.map((x) => trueSquares(x, draws.factors)), at, draws.degrees, region.moving.length);
+  // those within the 95 % limit of the true χ²
+  const within = (q: number | null) => (q !== null && q - at[1] <= region.limit - at[0] ? q : null);
+  const logs = logWeights(draws.linear, rows.map((x) => within(trueSquares(x, draws.factors))), at, draws.degrees, region.moving.length);
   const { chosen, effective } = resampled(logs, count);
   answer({ kind: "allowed", allowed: { models: chosen.map((i) => rows[i]), effective, weighed: true } });
 }
