@@ -27,8 +27,8 @@ _POLLUTED = 1e-7
 
 def dense(pencil: Pencil, shift: float, count: int) -> Pairs:
     """By the inverse: eigenvalues θ = 1/(λ − σ) of L⁻¹ML⁻ᵀ; M may be singular."""
-    L = la.cholesky(pencil.shifted(shift).full().toarray(), lower=True)
-    half = la.solve_triangular(L, pencil.M.full().toarray(), lower=True)
+    L = la.cholesky(pencil.shifted(shift).dense(), lower=True)
+    half = la.solve_triangular(L, pencil.M.dense(), lower=True)
     inverse = la.solve_triangular(L, half.T, lower=True)
     theta, y = finite(*largest(0.5 * (inverse + inverse.T), count))
     shapes = la.solve_triangular(L, y, lower=True, trans="T") / np.sqrt(theta)
@@ -105,11 +105,13 @@ class EigenSearch:
     inverse : (K − σM)⁻¹ for a σ below the spectrum
     start : (n, c) shapes that are nearly those wanted
     basis : a basis that was begun with this factor
+    solved : the lowest pairs, where they are known
     """
 
     inverse: Inverse
     start: Reals | None = None
     basis: KrylovBasis | None = None
+    solved: Pairs | None = None
 
     @property
     def pencil(self) -> Pencil:
@@ -133,7 +135,9 @@ def lowest(search: EigenSearch, count: int, wanted: int, known: Pairs | None = N
     FemtuneError : ``eigen.inaccurate`` where one of the wanted is not, ``eigen.no-convergence``, ``eigen.negative``
     """
     try:
-        if search.pencil.n <= DENSE_UP_TO:
+        if search.solved is not None:
+            values, shapes = search.solved
+        elif search.pencil.n <= DENSE_UP_TO:
             values, shapes = dense(search.pencil, search.shift, count)
         elif is_iterative(search.pencil, count):
             values, shapes = iterative(search, count, wanted, known)
@@ -151,6 +155,14 @@ def lowest(search: EigenSearch, count: int, wanted: int, known: Pairs | None = N
     if accurate < min(wanted, len(values)):
         raise _inaccurate(accurate, float(values[accurate]), float(error[accurate]))
     return values, shapes, accurate
+
+
+def solved_densely(inverse: Inverse, count: int) -> EigenSearch:
+    """A small eigenproblem that is solved for its `count` lowest pairs (error ``eigen.inaccurate``)."""
+    try:
+        return EigenSearch(inverse, solved=dense(inverse.pencil, inverse.shift, count))
+    except la.LinAlgError as broken:
+        raise _indefinite() from broken
 
 
 def method_of(search: EigenSearch, count: int) -> str:
