@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg.lapack as lapack
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.solvers.interface import SingularMatrixError
