@@ -12,19 +12,27 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where structures/ lies
 
+import numpy as np
 from deck import deck_text
 from measured import compared, expansion_table, identified
 from measured import table as compared_table
 
 import femtune as ft
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import INK, LINE, ORANGE, PALE
 from femtune.steps.info.record.model import ModelFacts
-from structures.aeroplane_mesh import read_mesh
+from structures.aeroplane_mesh import AeroplaneMesh, read_mesh
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 HERE = Path(__file__).resolve().parent
 MASS_KG, STRAIN_FREE = 42.858, 1e-8
+SPAN_M, LENGTH_M = 2.0, 1.5
 TEST_HZ = (6.38, 16.10, 33.12, 33.53, 35.65, 48.38, 49.43, 55.08)
 """Frequencies of one laboratory's test, for the eye: the nominal model is not updated here."""
 
@@ -67,6 +75,30 @@ def check(state: Aeroplane) -> None:
         assert worst < STRAIN_FREE, worst
 
 
+def geometry(mesh: AeroplaneMesh, sensors: AeroplaneMesh) -> str:
+    """The mesh in the axes of the test's picture, from above at an angle, with the places of the sensors."""
+    points = np.array(list(mesh.nodes.values()))
+    width = np.ptp(points, axis=0)
+    # the wing span and the length of the fuselage
+    assert abs(np.sort(width)[-1] - SPAN_M) < 0.05, width
+    assert abs(np.sort(width)[-2] - LENGTH_M) < 0.1, width
+    view = np.array([[-0.55, 0.83, 0.0], [-0.42, -0.28, 0.86]])
+
+    def draw(sheet: Figure) -> None:
+        axes = sheet.subplots()
+        for shell in mesh.shells.values():
+            corners = np.array([mesh.nodes[n] for n in (*shell, shell[0])]) @ view.T
+            axes.fill(*corners.T, facecolor=PALE, edgecolor=LINE, linewidth=0.4)
+        at = np.array(list(sensors.nodes.values())) @ view.T
+        axes.plot(*at.T, "o", color=ORANGE, markersize=3)
+        for number, place in zip(sensors.nodes, at):
+            axes.annotate(str(number), place, (2, 2), textcoords="offset points", fontsize=6, color=INK)
+        axes.set_aspect("equal")
+        axes.set_axis_off()
+
+    return draw_svg(6.6, 4.2, draw)
+
+
 def table(states: list[Aeroplane]) -> str:
     """Elastic modes of both states, and those of a test for the eye."""
     free, clamped = (s.elastic_hz for s in states)
@@ -94,6 +126,7 @@ def main() -> None:
     states = [aeroplane(folder, mesh_file, clamped) for clamped in (False, True)]
     for state in states:
         check(state)
+    picture = geometry(read_mesh(mesh_file), read_mesh(mesh_file.parent / "sensors.mail"))
     found = identified(folder, mesh_file.parent)
     correlation = compared(folder, states[0].deck)
     (facts,) = states[0].facts.configurations
@@ -105,6 +138,8 @@ def main() -> None:
             f"free of strain: relative strain energy at most {worst:.1e}. Twenty modes per configuration; "
             "rigid-body modes are not listed.\n",
             table(states),
+            "\n![Geometry and places of the sensors](07_garteur.svg)\n",
+            f"Wing span {SPAN_M:g} m and length {LENGTH_M:g} m as stated; the points are the sensors.",
             "\n## Comparison with the modes of its measured FRFs\n",
             "24 accelerances of a test of 1995, identified without manual selection: nine elastic modes up to 65 "
             "Hz, all of them paired by shape. No parameter is updated.\n",
@@ -118,6 +153,7 @@ def main() -> None:
     print(text)
     if arguments.evidence:
         (arguments.evidence / "07_garteur.md").write_text(text + "\n")
+        (arguments.evidence / "07_garteur.svg").write_text(picture, encoding="utf-8")
     for state in states:
         print(f"deck: {state.deck}\npage: {state.page}")
 

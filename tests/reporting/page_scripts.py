@@ -16,7 +16,7 @@ def bundle(name: str) -> str:
 
 def without_own_scripts(text: str) -> str:
     """The page without the scripts of the package and its data, which must be JSON without markup."""
-    for name in ("page", "viewer"):
+    for name in ("page", "viewer", "live"):
         text = text.replace(f"<script>{bundle(name)}</script>", "", 1)
     for data in _DATA.findall(text):
         assert not set(data) & set("<>&")

@@ -331,3 +331,42 @@ def test_another_search_begins_anew(two: Bench) -> None:
     second = file.read_text(encoding="utf-8").splitlines()
     assert len(first) == len(second)
     assert first[0] != second[0]
+
+
+@pytest.mark.slow
+def test_instances_that_are_not_falsified(two: Bench) -> None:
+    """All that is left keeps the limit, contains the truth, and predicts the frequencies of both configurations."""
+    found = ft.candidates(study(two, f"[candidates]\ninstances = 300\nleave_one_out = false\n{LISTED}"))
+    models = by_name(found)
+    both, one, none = (models[name].instances for name in ("both", "as one", "initial values"))
+    assert none is None
+    # one parameter cannot be right for both ends
+    assert (one.kept, one.kept_near, one.drawn_near, one.parameters) == (0, 0, 0, ())
+    assert (both.drawn, both.drawn_near) == (300, 300)
+    assert both.kept_near > 30
+    true = {"root": 1.3, "tip": 0.85}
+    for interval in both.parameters:
+        assert interval.lower < true[interval.parameter] < interval.upper, interval
+    rows = found.arrays[both.instances_key]
+    assert rows.shape == (both.kept + both.kept_near, 2 + len(both.predictions))
+    assert {p.configuration for p in both.predictions} == {"empty", "loaded"}
+    path = study(two, "")
+    loaded = read_study(path)
+    problem = loaded.problem()
+    before = problem.start(np.zeros(3))
+    for row in rows[:: max(1, len(rows) // 8)]:
+        at = problem.follow(loaded.parameters.normalise(np.array([*row[:2], 1.0])), before)
+        assert np.abs(at.residuals).max() <= found.record.limit * (1.0 + 1e-9)
+        first = [np.sqrt(state.solution.eigenvalues[0]) / (2.0 * np.pi) for state in at.states]
+        ours = [row[2 + j] for j, p in enumerate(both.predictions) if p.mode == 1]
+        assert ours == pytest.approx(first, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_instances_by_the_mean_error(two: Bench) -> None:
+    text = f"[candidates]\ninstances = 200\nthreshold = 1.5\nleave_one_out = false\n{LISTED}"
+    found = ft.candidates(study(two, text), report=two.folder / "page.html")
+    both = by_name(found)["both"].instances
+    assert both.kept_near > 20
+    assert "Instances that are not falsified" in (two.folder / "page.html").read_text(encoding="utf-8")
+    assert any("instances of both" in sentence for sentence in found.record.sentences)

@@ -12,7 +12,7 @@ _UNTIL_SAVED = [
     *("model", "correlate", "checks of later steps", "respond", "select", "update", "truncation", "left-out modes"),
     *("correlate after", "file for ParaView", "measured damping", "unused FRFs", "vibration tests"),
 ]
-_AFTERWARDS = ["specimens", "quantify", "bootstrap", "posterior"]
+_AFTERWARDS = ["specimens", "quantify", "bootstrap", "posterior", "live model"]
 _OF_DECK = ["write back", "correlate as written", "compare the deck as written"]
 
 

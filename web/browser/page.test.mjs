@@ -2,7 +2,7 @@
 // FEMTUNE_PICTURES a folder for the pictures that are taken, FEMTUNE_CHROMIUM the browser.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { mkdirSync, readFileSync } from "node:fs";
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { basename, dirname, join, resolve } from "node:path";
 import test, { after, before } from "node:test";
 import { pathToFileURL } from "node:url";
@@ -424,5 +424,93 @@ test("poles are picked, named and dropped by pointer and keys, and saved as a ch
   assert.ok(Math.abs(after - (count - 1)) === 1, "the pole under the cursor was picked or dropped");
   await box.getByRole("button", { name: "as identified" }).click();
   assert.deepEqual(await saved(), before);
+  await close();
+});
+
+/** The live model once it has checked its points and solved the update. */
+async function live(options) {
+  const opened = await open(pages[0], options);
+  await opened.page.waitForSelector(".livemodel[data-solved]");
+  return { ...opened, panel: opened.page.locator(".livemodel") };
+}
+/** The numbers of the table of frequencies: rows of updated, now, error and MAC. */
+const frequencies = (panel) => panel.locator("table").first().locator("tbody tr").evaluateAll((rows) => rows.map((r) => Array.from(r.cells).slice(2).map((c) => Number.parseFloat(c.textContent.replace("−", "-")))));
+/** Acts, and waits until the answer to it is shown. */
+async function answered(panel, act) {
+  const before = await panel.getAttribute("data-solved");
+  await act();
+  await panel.page().waitForFunction((id) => document.querySelector(".livemodel").dataset.solved !== id, before);
+}
+
+test("the live model begins at the update, and the policy lets it start its worker and nothing else", async () => {
+  const { page, panel, close } = await live();
+  const policy = await page.locator("meta[http-equiv=Content-Security-Policy]").getAttribute("content");
+  assert.match(policy, /default-src 'none'.*worker-src blob:/);
+  assert.equal(await panel.locator(".answers > .shown").textContent(), "These are the updated values.");
+  const data = await viewOf(page), rows = await frequencies(panel);
+  const stage = data.scenes[0].stages.at(-1), paired = data.live.configurations[0].pairs;
+  for (const [test, mode] of paired) {
+    assert.equal(rows[test][0], rows[test][1]);
+    // the deck as written has rounded values
+    assert.ok(Math.abs(rows[test][1] / stage.freq_hz[mode] - 1) < 1e-3);
+  }
+  assert.match(await panel.locator(".answers > .note").first().textContent(), /frequencies differ from the model by .* %.*points of the 95 % region/);
+  await close();
+});
+
+test("a slider moves frequencies, χ² and the shape, and goes back to the update", async () => {
+  const { page, panel, close } = await live();
+  await panel.scrollIntoViewIfNeeded();
+  const picture = async () => { await settled(page); return panel.locator("canvas").evaluate((c) => c.toDataURL()); };
+  const [first, shape] = [await frequencies(panel), await picture()], total = () => panel.locator("table").nth(1).locator("tbody tr").last().locator("td").allTextContents();
+  const slider = panel.locator("input[type=range]").first();
+  await slider.scrollIntoViewIfNeeded();
+  const box = await slider.boundingBox();
+  await answered(panel, () => page.mouse.click(box.x + 0.9 * box.width, box.y + box.height / 2));
+  await page.waitForTimeout(100);
+  assert.match(await panel.locator(".answers > .shown").textContent(), /Outside the 95 % region/);
+  assert.match(await panel.locator(".answers > .note").first().textContent(), /points within the bounds/);
+  const moved = await frequencies(panel);
+  assert.ok(moved.some((row, i) => Math.abs(row[1] / first[i][1] - 1) > 0.05));
+  const [before, now] = (await total()).map((t) => Number(t.replace("−", "-")));
+  assert.ok(now > before);
+  const shapes = new Set([shape]);
+  for (const button of await panel.locator("button.show").all()) { await answered(panel, () => button.click()); shapes.add(await picture()); }
+  assert.equal(shapes.size, 1 + (await panel.locator("button.show").count()));
+  await answered(panel, () => panel.getByRole("button", { name: "Back to the update" }).click());
+  await page.waitForTimeout(100);
+  assert.deepEqual(await frequencies(panel), first);
+  assert.equal(await panel.locator(".answers > .shown").textContent(), "These are the updated values.");
+  await close();
+});
+
+test("the live model by keyboard: slider, number within the bounds, configuration, lines for a study", async () => {
+  const { page, panel, close } = await live();
+  const [p] = (await viewOf(page)).live.parameters, number = panel.getByLabel(`${p.name}, value`);
+  await panel.locator("input[type=range]").first().focus();
+  await answered(panel, () => page.keyboard.press("ArrowRight"));
+  assert.ok(Math.abs(Number(await number.inputValue()) - p.updated) < 0.01 * (p.upper - p.lower));
+  await number.fill(String(2 * p.upper));
+  await answered(panel, () => page.keyboard.press("Tab"));
+  assert.equal(Number(await number.inputValue()), p.upper);
+  const names = await panel.getByRole("combobox", { name: "Configuration" }).locator("option").count();
+  if (names > 1) {
+    const rows = await frequencies(panel);
+    await panel.getByRole("combobox", { name: "Configuration" }).selectOption({ index: 1 });
+    await page.waitForTimeout(300);
+    assert.notDeepEqual(await frequencies(panel), rows);
+  }
+  await panel.locator("summary").first().click();
+  assert.match(await panel.locator("textarea").inputValue(), new RegExp(`name = "${p.name}"\nnominal = ${p.upper}\n`));
+  await close();
+});
+
+test("a browser that finds other numbers shows none", async () => {
+  const path = join(pictures, "spoiled.html");
+  writeFileSync(path, readFileSync(pages[0], "utf8").replace(/("checks":\[\{"x":\[[^\]]*\],"eigenvalues":\[)([0-9.e+]+)/, (_, head, value) => head + 1.001 * Number(value)));
+  const { page, close } = await open(path);
+  await page.locator("#live .alert").waitFor();
+  assert.match(await page.locator("#live .alert").textContent(), /not shown: this browser does not find the frequencies/);
+  assert.equal(await page.locator(".livemodel").count(), 0);
   await close();
 });

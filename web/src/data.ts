@@ -1,6 +1,6 @@
 // The view document of the page: types as in femtune.steps.report.view, and how its arrays are unpacked.
 
-export interface Packed { type: "u1" | "u2" | "u4" | "i2" | "f4"; shape: number[]; data: string; scale: number[]; offset: number[] }
+export interface Packed { type: "u1" | "u2" | "u4" | "i1" | "i2" | "f4" | "f8"; shape: number[]; data: string; scale: number[]; offset: number[] }
 export interface Pair { test: number; column: number; modes: number[]; weights: number[]; factor: [number, number] }
 export interface Stage {
   title: string; numbers: number[]; freq_hz: number[]; stored: number[]; motion: Packed; mac: Packed | null;
@@ -11,7 +11,7 @@ export interface SceneData {
   configuration: string; note: string; points: Packed; faces: Packed; edges: Packed; lines: Packed; rigid: Packed;
   stages: Stage[]; places: Packed | null; wire: Packed | null; test: Packed | null; test_imaginary: Packed | null;
   test_labels: string[]; test_freq_hz: number[]; test_only: boolean;
-  parameters: string[]; slopes: number[][];
+  parameters: string[]; slopes: number[][]; live: { vectors: Packed; weights: Packed } | null;
 }
 export interface Curve { look: string; freq_hz: Packed; real: Packed; imaginary: Packed; phase: boolean }
 export interface Functions { configuration: string; ordinate: string; titles: string[]; curves: Curve[]; note: string; section: string }
@@ -31,23 +31,47 @@ export interface Stabilisation {
   picked: { row: number; name: string; fit_only: boolean }[]; curve_hz: Packed; curve_db: Packed; band_hz: [number, number];
   inputs: { path: string; sha256: string }[];
 }
-export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null; stabilisation: Stabilisation | null }
+export interface LiveParameter {
+  name: string; unit: string; nominal: number; updated: number; lower: number; upper: number; scale: number; interval: [number, number] | null;
+}
+export interface LiveRegion { moving: number[]; at: number[]; rows: number[]; offset: number[]; limit: number }
+export interface LiveTerm { kind: "stiffness" | "mass"; parameters: number[]; shape: number[]; coefficients: number[]; scale: number }
+export interface LivePart {
+  kind: string; quantity: "frequency" | "shape" | "mac"; form: string; test: number; sd: number; sensors: number[]; weights: number[] | null; common: number;
+}
+export interface LiveCertificate { points: number; frequency_percent: number; mac: number | null }
+export interface LiveConfiguration {
+  configuration: string; order: number; dofs: number; count: number; shift: number; theta: number[]; terms: LiveTerm[]; triangles: Packed; sensors: Packed;
+  test_labels: string[]; test_freq_hz: number[]; test_shapes: Packed; pairs: [number, number][]; parts: LivePart[];
+  region: LiveCertificate | null; bounds: LiveCertificate; checks: { x: number[]; eigenvalues: number[]; chi_square: number }[];
+}
+export interface Live {
+  parameters: LiveParameter[]; x: number[]; region: LiveRegion | null; configurations: LiveConfiguration[]; others: { kind: string; chi_square: number }[];
+}
+export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null; stabilisation: Stabilisation | null; live: Live | null }
 
-const BYTES = { u1: 1, u2: 2, u4: 4, i2: 2, f4: 4 };
+const BYTES = { u1: 1, u2: 2, u4: 4, i1: 1, i2: 2, f4: 4, f8: 8 };
 
 /** The numbers of an array in C order, scaled along its last axis. */
-export function unpack(packed: Packed): Float32Array {
+export function unpack(packed: Packed): Float32Array { return filled(packed, (count) => new Float32Array(count)); }
+
+/** The same in double precision. */
+export function unpackDouble(packed: Packed): Float64Array { return filled(packed, (count) => new Float64Array(count)); }
+
+function filled<T extends Float32Array | Float64Array>(packed: Packed, made: (count: number) => T): T {
   const text = atob(packed.data);
   const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
   const from = new DataView(bytes.buffer);
   const size = BYTES[packed.type];
   const count = bytes.length / size;
   if (count !== packed.shape.reduce((a, b) => a * b, 1)) throw new Error("an array of the page has the wrong length");
-  const out = new Float32Array(count);
+  const out = made(count);
   const last = packed.shape[packed.shape.length - 1] || 1;
   for (let i = 0; i < count; i++) {
     const at = i * size;
     const raw = packed.type === "f4" ? from.getFloat32(at, true)
+      : packed.type === "f8" ? from.getFloat64(at, true)
+      : packed.type === "i1" ? from.getInt8(at)
       : packed.type === "i2" ? from.getInt16(at, true)
       : packed.type === "u1" ? from.getUint8(at)
       : packed.type === "u2" ? from.getUint16(at, true)

@@ -70,6 +70,20 @@ export class SceneOf {
     this.scale = (0.13 * this.size) / most;
   }
 
+  /** Take up a motion of the model that is in no stage, and a test mode with the factor from its shape to it. */
+  chooseLive(motion: Float32Array, test: number | null, factor: number): void {
+    this.modelMotion = { real: motion, imaginary: null };
+    this.energy = this.testMotion = this.expandedMotion = null;
+    if (test !== null && this.hasTest) {
+      const { data } = this;
+      const measured = { real: this.column(data.test!, test), imaginary: data.test_imaginary ? this.column(data.test_imaginary, test) : null };
+      this.testMotion = times(measured, [factor, 0]);
+      this.testSide!.choose(this.testMotion, this.testMotion);
+    }
+    this.expandedSide?.show(false);
+    this.scale = (0.13 * this.size) / (largest(sizes(this.modelMotion)) || 1);
+  }
+
   private chooseTest(stage: Stage, test: number, at: number, given: [number, number] | undefined, seen: Motion): void {
     const { data } = this;
     const motion = { real: this.column(data.test!, test), imaginary: data.test_imaginary ? this.column(data.test_imaginary, test) : null };

@@ -10,6 +10,8 @@ import { control, homeOf, Orbit } from "./orbit.ts";
 import { SceneOf, type Chosen, type ColourBar, type Colouring, type Theme } from "./scene.ts";
 
 const COLOURINGS: [Colouring, string][] = [["displacement", "displacement"], ["energy", "strain energy"], ["difference", "difference to the test"]];
+/** A motion of the live model, the label of the test mode beside it, and the factor from its shape. */
+interface LiveDetail { motion: Float32Array; factor: number; test: string; title: string }
 const KEYS = "Drag to turn, shift and drag to move, wheel to zoom once the picture has the focus. Keys: arrows turn, + and − zoom, 0 resets the view, space starts and stops the motion.";
 export class Viewer {
   readonly element: HTMLElement;
@@ -42,9 +44,11 @@ export class Viewer {
   private visible = true;
   private last = 0;
   private dirty = true;
+  private last_: LiveDetail | null = null;
 
-  constructor(private readonly view: View) {
-    this.canvas = h("canvas", { tabindex: 0, role: "img", "aria-label": "Moving mode shape", "aria-describedby": "viewer-keys" });
+  /** With `live` it shows the motions of the live model, and offers no others. */
+  constructor(private readonly view: View, private readonly live = false) {
+    this.canvas = h("canvas", { tabindex: 0, role: "img", "aria-label": "Moving mode shape", "aria-describedby": live ? "live-keys" : "viewer-keys" });
     this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.renderer.autoClear = false;
     const range = (low: number, high: number, step: number, value: number) =>
@@ -68,9 +72,9 @@ export class Viewer {
     const tools = h("div", { class: "controls" }, this.play, labelled("Phase", this.phase), labelled("Scale", this.scale),
       labelled("Speed", this.speed), this.colouring.label, this.layout.label, labelled("Arrows", this.arrows), views, picture);
     const stage = h("div", { class: "stage" }, this.canvas, ...this.names);
-    const window_ = h("div", { class: "window" }, this.title, stage, this.legend, tools, this.remark, h("p", { class: "note", id: "viewer-keys" }, KEYS));
+    const window_ = h("div", { class: "window" }, this.title, stage, this.legend, tools, this.remark, h("p", { class: "note", id: live ? "live-keys" : "viewer-keys" }, KEYS));
     const choices = h("div", { class: "side" }, h("div", { class: "controls" }, this.configuration.label, this.version.label), this.list);
-    this.element = h("div", { class: "viewer", role: "group", "aria-label": "Moving mode shapes" }, choices, window_);
+    this.element = h("div", { class: live ? "viewer alone" : "viewer", role: "group", "aria-label": live ? "Moving mode shape of the live model" : "Moving mode shapes" }, ...(live ? [] : [choices]), window_);
     control(this.canvas, () => this.orbit, () => this.redraw());
     this.canvas.addEventListener("keydown", (e) => { if (e.key === " ") { e.preventDefault(); this.run(!this.running); } });
     this.dark.addEventListener("change", () => this.open(this.configuration.select.selectedIndex));
@@ -78,7 +82,7 @@ export class Viewer {
 
   /** Begin, once the element is part of the page. */
   start(): void {
-    this.open(0);
+    if (!this.live) this.open(0);
     new ResizeObserver(() => this.redraw()).observe(this.canvas);
     new IntersectionObserver((found) => { this.visible = found[found.length - 1].isIntersecting; }).observe(this.canvas);
     this.run(!matchMedia("(prefers-reduced-motion: reduce)").matches);
@@ -94,6 +98,20 @@ export class Viewer {
     const pair = this.stage.pairs.find((p) => p.test === test);
     if (pair) this.choose({ test, column: pair.column });
     return pair !== undefined;
+  }
+
+  /** Another scene, of the live model. */
+  openLive(scene: number): void { if (this.scene?.data !== this.view.scenes[scene]) { this.configuration.select.selectedIndex = scene; this.open(scene); } }
+
+  /** Show a motion of the live model. */
+  showLive({ motion, factor, test, title }: LiveDetail): void {
+    const { data } = this.scene, at = data.test_labels.indexOf(test);
+    if (motion.length !== this.scene.points.length) return;
+    this.chosen = { test: at < 0 || !this.scene.hasTest ? null : at, column: -1 };
+    this.scene.chooseLive(motion, this.chosen.test, factor);
+    this.last_ = { motion, factor, test, title };
+    this.title.textContent = title;
+    this.repaint();
   }
 
   private get stage(): Stage { return this.scene.data.stages[this.version.select.selectedIndex]; }
@@ -121,6 +139,7 @@ export class Viewer {
     this.arrows.parentElement!.hidden = !this.scene.hasTest && !data.test_only;
     this.remark.textContent = data.note;
     this.remark.hidden = !data.note;
+    if (this.live) { if (this.last_) this.showLive(this.last_); return; }
     const first = this.stage.pairs[0];
     this.chosen = first ? { test: first.test, column: first.column } : { test: null, column: this.stage.stored.find((j) => this.stage.freq_hz[j] > RIGID_HZ) ?? this.stage.stored[0] };
     this.fill();
@@ -195,7 +214,7 @@ export class Viewer {
     const ticks = h("span", { class: "ticks" }, tick(0, "0"), tick(50, shown(bar.end / 2, 3)), tick(100, (bar.open ? "≥ " : "") + shown(bar.end, 3)));
     const { data } = this.scene, { test, column } = this.chosen;
     // slopes are those of the partner of a test mode
-    const paired = this.stage.pairs.some((p) => p.test === test && p.column === column);
+    const paired = !this.live && this.stage.pairs.some((p) => p.test === test && p.column === column);
     const moving = bar.hot && test !== null && paired ? strongest(data.parameters, data.slopes[test] ?? []) : [];
     const change = moving.length ? h("span", {}, `Change of the frequency in % for 1 % of a parameter, at the initial values: ${moving.map(([name, slope]) => `${name} ${slope > 0 ? "+" : ""}${shown(slope, 2)}`).join(", ")}`) : null;
     this.legend.replaceChildren(h("span", {}, bar.name), h("span", { class: "bar", role: "img", "aria-label": `Colours ${from}` }, strip, ticks), ...(change ? [change] : []));
@@ -229,6 +248,7 @@ export class Viewer {
       this.renderer.setPixelRatio(ratio);
       this.renderer.setSize(width, height, false);
     }
+    if (this.live && !this.last_) return;
     this.scene.move((Number(this.phase.value) * Math.PI) / 180, Number(this.scale.value), this.arrows.checked);
     const overlaid = this.layout.select.selectedIndex === 1, both = this.scene.hasTest && this.chosen.test !== null;
     this.names[0].hidden = this.names[1].hidden = !both;
@@ -294,4 +314,25 @@ function install(): void {
   });
 }
 
+/** The window of the live model, which asks for it once its solver is ready. */
+function installLive(): void {
+  const view = readView();
+  let viewer: Viewer | null = null;
+  document.addEventListener("femtune:live-window", (e) => {
+    const { host, scene } = (e as CustomEvent<{ host: HTMLElement; scene: number }>).detail;
+    if (!view?.scenes[scene]?.live) { host.hidden = true; return; }
+    host.hidden = false;
+    try {
+      if (!viewer) {
+        viewer = new Viewer(view, true);
+        host.append(viewer.element);
+        viewer.start();
+      }
+      viewer.openLive(scene);
+    } catch { host.hidden = true; }
+  });
+  document.addEventListener("femtune:live-shape", (e) => viewer?.showLive((e as CustomEvent<LiveDetail>).detail));
+}
+
 install();
+installLive();

@@ -22,7 +22,7 @@ import numpy as np
 from femtune.document.figures.canvas import draw_svg
 from femtune.document.figures.svg import BLUE, LINE, ORANGE
 from femtune.dofs import Dof, DofSet
-from femtune.identification.averaging import cross_spectra
+from femtune.identification.averaging import CrossSpectra, cross_spectra
 from femtune.identification.combine import CombinedModes, Estimate, combine
 from femtune.identification.fdd import decompose
 from femtune.identification.input_lines import InputVerdict, ground_to_floor, judge_peaks, unmoved_by_mass
@@ -44,6 +44,11 @@ WANTED = ("ERA", "FDD", "TFIE")
 FLOORS = DofSet(Dof(floor, d) for floor in (1, 2) for d in ("X", "Y", "RZ"))
 SHOWN_HZ = (2.0, 20.0)
 ASKED = Operational((2.0, 22.0), 40)
+FRAME_MASS, APPENDAGE_MASS = 500.0, 140.0
+"""Modal mass of the fourth mode as the source gives it, and mass of the upper braces, kg."""
+RATIOS = (0.9, 1.0, 1.1)
+"""Frequency of the appendage over that of the frame, r_b."""
+CURVE_DAMPING = 0.01
 GROUND_RMS, HUM_RMS = np.array([[1.0], [1.0], [0.3]]), np.array([[0.3], [0.2], [0.0]])
 
 
@@ -114,9 +119,57 @@ def check(states: Sequence[State]) -> None:
         assert [abs(modes.freq_hz[i] - HUM_HZ) < 0.02 for i in hum] == [True]
         for freq in state.found.by_method.values():
             assert np.abs(freq[keep] / modes.freq_hz[keep] - 1.0).max() < 1.5e-3
+    left = [a / b for a, b in map(peaks_at, states)]
+    assert left == sorted(left), left
+    check_absorber()
     still = unmoved_by_mass([s.found.modes.freq_hz for s in states])
     assert len(still) == 1, still
     assert abs(still[0] - HUM_HZ) < 0.02
+
+
+def peaks_at(state: State) -> tuple[float, float]:
+    """Heights of modes 4a and 4b in the spectrum of the upper floor along y, (m/s²)²/Hz."""
+    spectra, floor = floor_spectra(state), 5
+    at = [state.of_structure[LABELS.index(label)] for label in ("4a", "4b")]
+    heights = []
+    for i in at:
+        near = np.abs(spectra.freq_hz / state.found.modes.freq_hz[i] - 1.0) < 0.01
+        heights.append(float(np.real(spectra.values[near, floor, floor]).max()))
+    return heights[0], heights[1]
+
+
+def floor_spectra(state: State) -> CrossSpectra:
+    """Spectra of all channels, lines of 0.012 Hz."""
+    return cross_spectra(state.record.values, state.record.even_hz, 16384)
+
+
+def absorber(ratio: float, appendage: float, hz_ratio: np.ndarray) -> np.ndarray:
+    """|x k/F| of a mass on a spring under a force, with an appendage; frequencies relative to its own."""
+    m = appendage / FRAME_MASS
+    own, tuned = 1.0 + 2j * CURVE_DAMPING * hz_ratio, m * (ratio**2 + 2j * CURVE_DAMPING * ratio * hz_ratio)
+    inner = tuned - m * hz_ratio**2
+    direct = own - hz_ratio**2 + tuned
+    return np.abs(1.0 / (direct - (tuned**2 / inner if appendage else 0.0)))
+
+
+def check_absorber() -> None:
+    """One peak without the appendage, two with it, at the frequencies of the undamped pair; tuned higher, the left one
+    prevails."""
+    hz = np.linspace(0.5, 1.6, 22001)
+    assert len(_tops(absorber(1.0, 0.0, hz))) == 1
+    left = []
+    for ratio in RATIOS:
+        m, curve = APPENDAGE_MASS / FRAME_MASS, absorber(ratio, APPENDAGE_MASS, hz)
+        tops = _tops(curve)
+        stiffness = np.array([[1.0 + m * ratio**2, -m * ratio**2], [-m * ratio**2, m * ratio**2]])
+        exact = np.sqrt(np.sort(np.linalg.eigvals(stiffness / np.array([[1.0], [m]])).real))
+        assert np.abs(hz[tops] / exact - 1.0).max() < 1e-3, (hz[tops], exact)
+        left.append(curve[tops[0]] / curve[tops[1]])
+    assert left == sorted(left), left
+
+
+def _tops(curve: np.ndarray) -> np.ndarray:
+    return np.flatnonzero((curve[1:-1] > curve[:-2]) & (curve[1:-1] > curve[2:])) + 1
 
 
 def text(states: Sequence[State], size: Size) -> str:
@@ -142,6 +195,12 @@ def text(states: Sequence[State], size: Size) -> str:
         "![Singular values, standard deviation of phases, and ground to floor](cases_braced_building.svg)", "",
         "The braces have a mass of 140 kg and a frequency of 10 Hz. They do not change the other modes, and split "
         "the fourth mode, which is at 9.65, 8.93 and 8.36 Hz without them, into two.", "",
+        "![Auto spectra along y, and a tuned appendage](cases_braced_building_spectra.svg)", "",
+        "Auto spectra of ground and floors along y, and the receptance of a mass with and without an appendage of "
+        f"{APPENDAGE_MASS:.0f} kg on {FRAME_MASS:.0f} kg ({100 * CURVE_DAMPING:.0f} % damping, r_b the ratio of the "
+        "frequencies): added mass lowers the frequency of the frame: r_b grows, and the left of two peaks prevails. "
+        "In the spectra of the upper floor the height of 4a over that of 4b is "
+        + ", ".join(f"{a / b:.2f} ({s.name})" for s, (a, b) in zip(states, map(peaks_at, states))) + ".", "",
     ])  # fmt: skip
 
 
@@ -192,6 +251,34 @@ def _column(column: Sequence[Axes], state: State) -> None:
     column[2].set_xlabel("Hz")
 
 
+def spectra_figure(states: Sequence[State]) -> str:
+    """Spectra of ground and floors of each state, and the curve of a tuned appendage."""
+
+    def draw(sheet: Figure) -> None:
+        grid = sheet.subplots(1, len(states) + 1)
+        for axes, state in zip(grid, states):
+            spectra = floor_spectra(state)
+            ground = state.record.positions("input")[1]
+            for row, colour, words in ((ground, LINE, "ground"), (1, BLUE, "floor 1"), (5, ORANGE, "floor 2")):
+                level = 10 * np.log10(np.maximum(np.real(spectra.values[:, row, row]), 1e-30))
+                shown = (spectra.freq_hz >= SHOWN_HZ[0]) & (spectra.freq_hz <= SHOWN_HZ[1])
+                axes.plot(spectra.freq_hz[shown], level[shown], linewidth=0.6, color=colour, label=words)
+            axes.set_title(state.name)
+            axes.set_xlabel("Hz")
+        grid[0].set_ylabel("auto spectrum along y, dB")
+        grid[0].legend(fontsize=6)
+        hz = np.linspace(0.5, 1.6, 1101)
+        grid[-1].semilogy(hz, absorber(1.0, 0.0, hz), linewidth=0.8, color=LINE, label="without")
+        for ratio, style in zip(RATIOS, (":", "-", "--")):
+            curve = absorber(ratio, APPENDAGE_MASS, hz)
+            grid[-1].semilogy(hz, curve, style, linewidth=0.8, color=BLUE, label=f"r_b = {ratio:g}")
+        grid[-1].set_title("tuned appendage")
+        grid[-1].set_xlabel("frequency ratio")
+        grid[-1].legend(fontsize=6)
+
+    return draw_svg(9.4, 2.8, draw)
+
+
 def _curve(axes: Axes, freq_hz: np.ndarray, values: np.ndarray, colour: str) -> None:
     shown = (freq_hz >= SHOWN_HZ[0]) & (freq_hz <= SHOWN_HZ[1])
     axes.plot(freq_hz[shown], values[shown], linewidth=0.6, color=colour)
@@ -212,6 +299,8 @@ def main() -> None:
         options.evidence.mkdir(parents=True, exist_ok=True)
         (options.evidence / "cases_braced_building.md").write_text(page, encoding="utf-8")
         (options.evidence / "cases_braced_building.svg").write_text(figure(states), encoding="utf-8")
+        picture = options.evidence / "cases_braced_building_spectra.svg"
+        picture.write_text(spectra_figure(states), encoding="utf-8")
 
 
 if __name__ == "__main__":

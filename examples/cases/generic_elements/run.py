@@ -33,6 +33,7 @@ from femtune.parameters import Parameter, ParameterSet, tied
 from femtune.residuals import ComparedCase, FrequencyResidual, UpdateProblem
 from femtune.updating import update
 from structures.beams import CLAMPED, MIDDLE, OFFSET_M, OFFSETS, three_beams
+from structures.iterations import iterations_svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,6 +97,70 @@ def by_offset() -> Found:
     return updated(structure, values, [Assignment("field", ref, False) for ref in OFFSETS], USED)
 
 
+PUBLISHED_MODES, HEAVY, ITERATIONS = 10, 13_000.0, 40
+WEIGHT = 0.15
+"""Of the side constraint: mean of the diagonal of Gᵀ W G, times this. The chapter's weight is lost in print; with this
+one the parameters converge after about twenty iterations, as its figures show."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """κ₁ and κ₂, and the errors of ten frequencies in %, over the iterations, with the iteration of convergence."""
+
+    kappa: Reals
+    errors: Reals
+    converged: int
+
+
+def published_run() -> Run:
+    """Equation (22) with ten frequencies, those of modes 2 and 3 weighted by 13,000, and regularised steps."""
+    structure = with_generic(three_beams(SHARE * OFFSET_M, OFFSET_M), JOINTS, ["K1", "K2"])
+    values = ParameterSet(tuple(Parameter(f"kappa_{i}", 1.0, 0.5, 2.0) for i in USED))
+    chosen = [Assignment(f"kappa_{i}", generic_ref("JOINT", f"K{i}")) for i in USED]
+    configured = configure(parametric_model(structure, values, chosen), CLAMPED)
+    true = solve_modes(
+        configure(parametric_model(three_beams(), ParameterSet(()), ()), CLAMPED).at(np.zeros(0)), PUBLISHED_MODES
+    ).freq_hz[:PUBLISHED_MODES]
+    W = np.ones(PUBLISHED_MODES)
+    W[list(USED)] = HEAVY
+    x, at, errors, side = np.zeros(2), [], [], 0.0
+    for _ in range(ITERATIONS + 1):
+        found = solve_modes(configured.at(x), PUBLISHED_MODES)
+        error = found.freq_hz[:PUBLISHED_MODES] / true - 1.0
+        at.append(1.0 + x)
+        errors.append(100.0 * error)
+        G = np.array([
+            (solve_modes(configured.at(x + d), PUBLISHED_MODES).freq_hz[:PUBLISHED_MODES]
+             - solve_modes(configured.at(x - d), PUBLISHED_MODES).freq_hz[:PUBLISHED_MODES]) / (2e-4 * true)
+            for d in 1e-4 * np.eye(2)
+        ]).T  # fmt: skip
+        H = G.T @ (W[:, None] * G)
+        # chosen at the first iteration and kept
+        side = side or WEIGHT * float(np.trace(H)) / 2.0
+        x = x - np.linalg.solve(H + side * np.eye(2), G.T @ (W * error))
+    kappa = np.array(at)
+    away = np.abs(kappa / kappa[-1] - 1.0).max(axis=1)
+    return Run(kappa, np.array(errors), int(np.flatnonzero(away > 1e-3)[-1]) + 1)
+
+
+def check_run(run: Run, right_mass: Found) -> None:
+    """Modes 2 and 3 converge in about twenty iterations, and mode 1 stays where it is."""
+    assert np.abs(run.errors[-1][list(USED)]).max() < 0.1, run.errors[-1]
+    assert abs(run.errors[-1][0] - FIRST_PERCENT) < 0.05
+    assert 15 <= run.converged <= 25, run.converged
+    two = [right_mass.values[f"kappa_{i}"] for i in USED]
+    np.testing.assert_allclose(run.kappa[-1], two, atol=0.002)
+
+
+def run_figure(run: Run) -> str:
+    """κ and frequency errors over the iterations."""
+    names = [f"mode {i + 1}" for i in (0, *USED)]
+    return iterations_svg([
+        ("κ / initial κ", ["κ₁", "κ₂"], run.kappa.T.tolist(), run.kappa[-1].tolist()),
+        ("error of the frequency, %", names, run.errors[:, [0, *USED]].T.tolist(), [0.0] * 3),
+    ])  # fmt: skip
+
+
 def check(joint: Found, right_mass: Found, offset: Found, modes: GenericModes) -> None:
     """Everything that the example claims."""
     assert (modes.multiplicity == 2).all()
@@ -109,7 +174,7 @@ def check(joint: Found, right_mass: Found, offset: Found, modes: GenericModes) -
     assert np.abs(offset.after).max() < 1e-6
 
 
-def text(joint: Found, right_mass: Found, offset: Found, modes: GenericModes) -> str:
+def text(joint: Found, right_mass: Found, offset: Found, modes: GenericModes, run: Run) -> str:
     """The page."""
     listed = ", ".join(f"{k:.4g}" for k in modes.kappa)
     names = [f"κ₁ = {f.values['kappa_1']:.4f}, κ₂ = {f.values['kappa_2']:.4f}" for f in (joint, right_mass)]
@@ -131,6 +196,12 @@ def text(joint: Found, right_mass: Found, offset: Found, modes: GenericModes) ->
         "% too low, as here. The ratios depend on the weighting of the modes and on whether the mass also has the "
         "wrong offset; the error of mode 1 does not. Two eigenvalues fit the two modes that were used, and the mode "
         "in which the joints have little strain shows that they are not the cause: keep such modes for validation.", "",
+        f"The published run: ten frequencies, those of modes 2 and 3 weighted by {HEAVY:,.0f}, with a side constraint "
+        f"on each step. Its weight is lost in print; with {WEIGHT:g} times the mean diagonal of GᵀWG, κ is within a "
+        f"thousandth of its end after {run.converged} iterations (published: about 20), at "
+        f"{run.kappa[-1][0]:.4f} and {run.kappa[-1][1]:.4f}, the mass on the true offset. Errors of the first five "
+        f"frequencies then: {', '.join(f'{e:+.3f}' for e in run.errors[-1][:5])} %.", "",
+        f"![κ and frequencies over the iterations]({NAME}_iterations.svg)", "",
     ])  # fmt: skip
 
 
@@ -169,11 +240,14 @@ def main() -> None:
     modes = generic_modes(three_beams(SHARE * OFFSET_M), JOINTS)
     joint, right_mass, offset = by_kappa(None), by_kappa(OFFSET_M), by_offset()
     check(joint, right_mass, offset, modes)
-    page = text(joint, right_mass, offset, modes)
+    run = published_run()
+    check_run(run, right_mass)
+    page = text(joint, right_mass, offset, modes, run)
     print(page)
     if arguments.evidence:
         (arguments.evidence / f"{NAME}.md").write_text(page, encoding="utf-8")
         (arguments.evidence / f"{NAME}.svg").write_text(figure(joint, offset), encoding="utf-8")
+        (arguments.evidence / f"{NAME}_iterations.svg").write_text(run_figure(run), encoding="utf-8")
 
 
 if __name__ == "__main__":

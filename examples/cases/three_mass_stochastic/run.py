@@ -29,6 +29,7 @@ from femtune.uncertainty import (
     statistics_of_repeats,
     stochastic_update,
 )
+from structures.iterations import iterations_svg
 from structures.springs import factor_model, spring_structure
 
 Reals = NDArray[np.float64]
@@ -121,11 +122,38 @@ def text(truth: Reals, found: dict[str, StochasticResult], forward: ForwardCheck
         f"Forward check with a Latin hypercube of {samples} samples: {forward.sentences[0]}", "",
         "![Measured frequencies and the propagated sample, 95 % ellipses](cases_three_mass_stochastic.svg)",
         "",
+        "Convergence of (39): means, and the standard deviations that follow from the matrix of each iteration; dotted "
+        "those of the sample.", "",
+        "![Convergence of means and standard deviations](cases_three_mass_stochastic_iterations.svg)", "",
     ])  # fmt: skip
 
 
 def _row(name: str, mean: Sequence[float] | Reals, sd: Sequence[float] | Reals, rest: str) -> str:
     return f"| {name} | " + " | ".join(f"{v:.3f}" for v in (*mean, *sd)) + f" {rest} |"
+
+
+def iterations(count: int = 8) -> tuple[Reals, Reals]:
+    """(count + 1, 3) means and standard deviations of (39) after 0, 1, 2 … iterations (Fig. 13)."""
+    outputs = FrequenciesByOrder(model(), 3)
+    truth = 1.0 + SPREAD * np.random.default_rng(SEED).standard_normal((STRUCTURES, 3))
+    measured = statistics_of_repeats(np.array([outputs.values(row) for row in truth]), FREQUENCIES)
+    start = np.full(3, START), np.full(3, START_SD)
+    ends = [
+        stochastic_update(outputs, measured, NAMES, *start, StochasticRules("perturbation", max_iterations=i))
+        for i in range(1, count + 1)
+    ]
+    means, sds = np.array([start[0], *(r.mean for r in ends)]), np.array([start[1], *(r.sd for r in ends)])
+    # the last iterations change nothing any more, and end where the table says
+    np.testing.assert_allclose(means[-1], means[-2], rtol=1e-6)
+    np.testing.assert_allclose(sds[-1], sds[-2], rtol=1e-6)
+    return means, sds
+
+
+def convergence(means: Reals, sds: Reals, mean: Reals, sd: Reals) -> str:
+    """Means and standard deviations over the iterations, with those of the sample."""
+    return iterations_svg(
+        [("mean", NAMES, means.T.tolist(), mean.tolist()), ("standard deviation", NAMES, sds.T.tolist(), sd.tolist())]
+    )
 
 
 def figure(forward: ForwardCheck) -> str:
@@ -146,12 +174,16 @@ def main() -> None:
     samples = 100 if options.quick else 1000
     truth, found, forward = study(samples)
     check(truth, found, forward)
+    means, sds = iterations()
+    np.testing.assert_allclose(means[-1], found["perturbation"].mean, rtol=1e-6)
     page = text(truth, found, forward, samples)
     print(page)
     if options.evidence:
         options.evidence.mkdir(parents=True, exist_ok=True)
         (options.evidence / "cases_three_mass_stochastic.md").write_text(page, encoding="utf-8")
         (options.evidence / "cases_three_mass_stochastic.svg").write_text(figure(forward), encoding="utf-8")
+        picture = convergence(means, sds, truth.mean(axis=0), truth.std(axis=0, ddof=1))
+        (options.evidence / "cases_three_mass_stochastic_iterations.svg").write_text(picture, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class Packed:
     """An array: value = offset + scale · number, along the last axis where these have several entries.
 
-    `type` is "u1", "u2", "u4", "i2" or "f4"; `data` is base64 of the numbers in C order, little-endian.
+    `type` is "u1", "u2", "u4", "i1", "i2", "f4" or "f8"; `data` is base64 of the numbers in C order, little-endian.
     """
 
     type: str
@@ -72,6 +72,17 @@ class StageView:
 
 
 @dataclass(frozen=True)
+class LiveShapesView:
+    """How shapes of the live model are drawn: motions Σ vector · (weights y) for y in its coordinates.
+
+    `vectors` (points, 3, n), `weights` (n, order).
+    """
+
+    vectors: Packed
+    weights: Packed
+
+
+@dataclass(frozen=True)
 class SceneView:
     """One configuration: geometry of model and test, and its shapes.
 
@@ -100,6 +111,7 @@ class SceneView:
     slopes: tuple[tuple[float, ...], ...] = ()
     """For each test mode the change of the frequency of its partner, in %, for 1 % of each of `parameters` at the
     initial values; empty where it was not compared."""
+    live: LiveShapesView | None = None
 
 
 @dataclass(frozen=True)
@@ -212,6 +224,119 @@ class StabilisationView:
 
 
 @dataclass(frozen=True)
+class LiveParameterView:
+    """A parameter with a slider; see `LiveParameter` of the results."""
+
+    name: str
+    unit: str
+    nominal: float
+    updated: float
+    lower: float
+    upper: float
+    scale: float
+    interval: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class LiveRegionView:
+    """The 95 % region: |rows (x − at) + offset|² at most `limit`, of the parameters `moving`; `rows` one after the
+    other."""
+
+    moving: tuple[int, ...]
+    at: tuple[float, ...]
+    rows: tuple[float, ...]
+    offset: tuple[float, ...]
+    limit: float
+
+
+@dataclass(frozen=True)
+class LiveTermView:
+    """A matrix of the live model: its kind, and the Chebyshev coefficients (`shape`) of its polynomial of some
+    parameters."""
+
+    kind: str
+    parameters: tuple[int, ...]
+    shape: tuple[int, ...]
+    coefficients: tuple[float, ...]
+    scale: float
+
+
+@dataclass(frozen=True)
+class LivePartView:
+    """Residuals of one pair; see `LivePart` of the results. `weights` are those of a shape, by rows."""
+
+    kind: str
+    quantity: str
+    form: str
+    test: int
+    sd: float
+    sensors: tuple[int, ...]
+    weights: tuple[float, ...] | None
+    common: float
+
+
+@dataclass(frozen=True)
+class LiveCertificateView:
+    """Largest errors at some points: of frequencies in %, of MACs."""
+
+    points: int
+    frequency_percent: float
+    mac: float | None
+
+
+@dataclass(frozen=True)
+class LiveCheckView:
+    """Normalised parameters, and the eigenvalues and the sum of squares that the page has to find there."""
+
+    x: tuple[float, ...]
+    eigenvalues: tuple[float, ...]
+    chi_square: float
+
+
+@dataclass(frozen=True)
+class LiveConfigurationView:
+    """The live model of one configuration; see `LiveConfiguration` of the results."""
+
+    configuration: str
+    order: int
+    dofs: int
+    count: int
+    shift: float
+    theta: tuple[float, ...]
+    terms: tuple[LiveTermView, ...]
+    triangles: Packed
+    sensors: Packed
+    test_labels: tuple[str, ...]
+    test_freq_hz: tuple[float, ...]
+    test_shapes: Packed
+    pairs: tuple[tuple[int, int], ...]
+    """Positions of test mode and mode of the updated model."""
+    parts: tuple[LivePartView, ...]
+    region: LiveCertificateView | None
+    bounds: LiveCertificateView
+    checks: tuple[LiveCheckView, ...]
+
+
+@dataclass(frozen=True)
+class LiveOtherView:
+    """Residuals that keep the sum of squares of the update."""
+
+    kind: str
+    chi_square: float
+
+
+@dataclass(frozen=True)
+class LiveView:
+    """A model that the reader changes."""
+
+    parameters: tuple[LiveParameterView, ...]
+    x: tuple[float, ...]
+    region: LiveRegionView | None
+    configurations: tuple[LiveConfigurationView, ...]
+    others: tuple[LiveOtherView, ...]
+
+
+@dataclass(frozen=True)
 class PageView:
     """The data of the interactive view of a page."""
 
@@ -219,11 +344,12 @@ class PageView:
     functions: tuple[FunctionsView, ...] = ()
     history: HistoryView | None = None
     stabilisation: StabilisationView | None = None
+    live: LiveView | None = None
 
     @property
     def empty(self) -> bool:
         """True if nothing can be shown."""
-        return not (self.scenes or self.functions or self.history or self.stabilisation)
+        return not (self.scenes or self.functions or self.history or self.stabilisation or self.live)
 
     def json(self) -> str:
         """As JSON that may stand inside a script element: without the characters that could end it."""
@@ -249,6 +375,12 @@ def whole(values: NDArray[Any]) -> Packed:
 def single(values: NDArray[Any]) -> Packed:
     """Real numbers in single precision."""
     return _packed("f4", np.nan_to_num(values))
+
+
+def as_stored(values: NDArray[Any]) -> Packed:
+    """Numbers in the type that they have: of 8 or 16 bits, or real, NaN included."""
+    kinds = {"int8": "i1", "int16": "i2", "float32": "f4", "float64": "f8"}
+    return _packed(kinds[values.dtype.name], values)
 
 
 def quantised(values: Reals) -> Packed:

@@ -95,6 +95,10 @@ def html_text(document: Document) -> str:
     scripts = [_package_text("bundle/page.js")]
     if view is not None and view.scenes:
         scripts.append(_package_text("bundle/viewer.js"))
+    live = view is not None and view.live is not None
+    if live:
+        # after the viewer, which it asks for a window
+        scripts.append(_package_text("bundle/live.js"))
     return (
         _environment()
         .get_template("report.html")
@@ -102,6 +106,7 @@ def html_text(document: Document) -> str:
             document=document,
             style=Markup(_package_text("templates/report.css")),
             scripts=[Markup(script) for script in scripts],
+            live=live,
             view=None if view is None else Markup(view.json()),
         )
     )

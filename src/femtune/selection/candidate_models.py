@@ -21,6 +21,7 @@ from scipy.special import ndtri
 
 from femtune.arrays import Flags, Integers, Reals
 from femtune.residuals.kinds import Scatter
+from femtune.selection.evidence import LinearFit, log_evidence
 
 _EXACT = 1e-30
 """Sum of squares of residuals that are zero up to rounding."""
@@ -37,9 +38,8 @@ class CandidateFit:
     ----------
     chi2 : rᵀr
     residuals : number of independent residuals
-    singular_values : of the Jacobian of the parameters that move, in standard deviations of residuals and priors
     rank : number of combinations that the data determine
-    prior_misfit : Σ ((x − mean)/sd)² of parameters whose prior is stated
+    linear : residuals near the optimum, with bounds and priors of the parameters that move
     place : (p,) all parameters of the study, relative to their nominal values
     worst : smallest largest absolute residual of all values of the parameters, see `smallest_largest`
     error : weighted mean error, the smallest of the candidate and those that it contains
@@ -47,9 +47,8 @@ class CandidateFit:
 
     chi2: float
     residuals: int
-    singular_values: Reals
     rank: int
-    prior_misfit: float
+    linear: LinearFit
     place: Reals
     worst: float
     error: float
@@ -65,7 +64,7 @@ class CandidateRanking:
     comparable : (m,) candidates that compare as many residuals as most of them; the others have NaN below
     bic : (m,) Bayesian information criterion; only differences count
     bic_weights : (m,) relative support by BIC, of sum 1
-    log_evidence : (m,) logarithm of the evidence, by Laplace's approximation; only differences count
+    log_evidence : (m,) logarithm of the evidence, with the residuals linear near the optimum; only differences count
     probabilities : (m,) of the candidates, by their evidence, if all are equally probable beforehand
     limit : largest absolute residual of an admissible model, in stated standard deviations; None with a threshold
     admissible : (m,)
@@ -98,8 +97,8 @@ def rank_candidates(
     With n residuals, k determined combinations of parameters and residuals r in their standard deviations:
 
     - BIC = rᵀr + k ln n; with estimated scatter n ln(rᵀr/n) + k ln n;
-    - ln Z = −½ rᵀr/s² − ½ |(x − mean)/sd|² − ½ Σ ln(1 + σᵢ²/s²), σᵢ the singular values in standard deviations of the
-      priors; s = 1, or with estimated scatter that of the candidate of the least variance rᵀr/(n − k), for all;
+    - ln Z, see `log_evidence`, with s = 1, or with estimated scatter that of the candidate of the least variance
+      rᵀr/(n − k), for all;
     - a candidate is admissible if its weighted mean error is at most `threshold` times the smallest one; without a
       threshold, if some values of its parameters let no residual exceed s·z, z being exceeded by none of n normal
       numbers with the stated probability. So a candidate that contains an admissible one is admissible.
@@ -113,8 +112,10 @@ def rank_candidates(
 
     Examples
     --------
-    >>> one = CandidateFit(50.0, 40, np.array([9.0]), 1, 0.0, np.array([0.9, 1.0]), 3.9, 0.02)
-    >>> two = CandidateFit(36.0, 40, np.array([9.0, 5.0]), 2, 0.0, np.array([0.8, 1.2]), 2.1, 0.01)
+    >>> free = [np.zeros(2), -np.ones(2), np.ones(2), np.zeros(2), np.full(2, np.inf)]
+    >>> first = LinearFit(np.array([[81.0]]), *(part[:1] for part in free))
+    >>> one = CandidateFit(50.0, 40, 1, first, np.array([0.9, 1.0]), 3.9, 0.02)
+    >>> two = CandidateFit(36.0, 40, 2, LinearFit(np.diag([81.0, 25.0]), *free), np.array([0.8, 1.2]), 2.1, 0.01)
     >>> found = rank_candidates([one, two])
     >>> found.bic.round(1), found.admissible, round(found.limit, 2)
     (array([53.7, 43.4]), array([False,  True]), 3.22)
@@ -130,7 +131,7 @@ def rank_candidates(
         size = float(np.sqrt(max(np.min((chi2 / spare)[comparable]), _EXACT)))
     misfit = chi2 if scatter == "stated" else usual * np.log(np.maximum(chi2, _EXACT) / usual)
     bic = np.where(comparable, misfit + k * np.log(usual), np.nan)
-    evidence = np.array([_log_evidence(fit, size) for fit in fits])
+    evidence = np.array([log_evidence(fit.chi2, fit.linear, size) for fit in fits])
     evidence = np.where(comparable, evidence, np.nan)
     limit = None
     if threshold is None:
@@ -158,11 +159,6 @@ def rank_candidates(
 def largest_of_right(n: int, probability: float) -> float:
     """What none of n standard normal numbers exceeds in size with a probability (Šidák)."""
     return float(ndtri(0.5 + 0.5 * probability ** (1.0 / max(n, 1))))
-
-
-def _log_evidence(fit: CandidateFit, size: float) -> float:
-    narrowed = float(np.log1p((fit.singular_values / size) ** 2).sum())
-    return -0.5 * (fit.chi2 / size**2 + fit.prior_misfit + narrowed)
 
 
 def _weights(logarithms: Reals) -> Reals:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 NAMES = (
     "init", "check", "info", "modes", "view", "respond", "plan", "identify", "correlate", "compare", "select",
     "quantify", "update", "equalise", "specimens", "screen", "search", "candidates", "bootstrap", "posterior",
-    "vibration", "validate", "write", "judge", "run", "report",
+    "live", "vibration", "validate", "write", "judge", "run", "report",
 )  # fmt: skip
 """Folders of the steps, in the order in which they are listed."""
 

@@ -16,6 +16,7 @@ from femtune.steps.correlate.record.correlation import CorrelationResults
 from femtune.steps.equalise.record import MappedDamping
 from femtune.steps.info.record.model import ModelFacts, ModelModes, SensorResults
 from femtune.steps.judge.record.judgement import JudgementResults
+from femtune.steps.live.record import LiveResults
 from femtune.steps.modes.record import ModeShapes
 from femtune.steps.plan.record import PlanResults
 from femtune.steps.posterior.record import PosteriorResults
@@ -78,6 +79,8 @@ class Results(Record):
     """Spread of the parameters by a bootstrap of the FRFs; None if the study has no [bootstrap]."""
     posterior: PosteriorResults | None = None
     """Sampled distribution of the parameters; None if the study has no [posterior]."""
+    live: LiveResults | None = None
+    """The model that a reader of the report can change; None if the study wants none, and in older results."""
     specimens: SpecimenResults | None = None
     """Nominally identical specimens, calibrated jointly and separately; None if the study has none."""
     mapped_damping: tuple[MappedDamping, ...] = ()

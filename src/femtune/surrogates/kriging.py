@@ -14,12 +14,13 @@ Rasmussen and Williams 2006.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
+from scipy.special import stdtrit
 
 from femtune.arrays import Reals
 from femtune.surrogates.correlations import CorrelationFunction, KernelSum
@@ -38,6 +39,16 @@ _FIRST_NOISE = 1e-4
 """Relative variance of the noise of the first start: computed responses have little."""
 _TRIED = 8
 """Points at which the likelihood is computed for each hyperparameter, before the best are improved."""
+_STEP = 1e-3
+"""Difference of logarithms of lengths for second derivatives of the likelihood."""
+_FARTHEST = 2.0
+"""Largest distance of plausible logarithms of lengths from the best, where the likelihood is flat."""
+_MOST_TRIALS = 8
+"""Points at which the likelihood is computed until it is smaller by one half."""
+_FOLDS = 5
+"""Parts of the runs that are predicted from the others, each of which costs a fit."""
+_RIGHT_RUNS = 10
+"""Number of runs with the right standard deviation that the factor of widening is averaged with."""
 _MOST_STEPS = 100
 """Steps of L-BFGS-B from each start at most; the best of several starts is taken."""
 
@@ -94,6 +105,8 @@ class KrigedResponse:
     trend_factor : (q, q) upper factor of L⁻¹F
     errors, error_sd : (N,) errors of leaving out each run, and their standard deviations
     log_likelihood : restricted
+    others : pairs of fits one standard deviation of the hyperparameters away, along the axes of the likelihood
+    widened : factor of the standard deviations, from predictions of fifths of the runs by the others
     """
 
     rules: KrigingRules
@@ -108,6 +121,8 @@ class KrigedResponse:
     errors: Reals
     error_sd: Reals
     log_likelihood: float
+    others: tuple[tuple[KrigedResponse, ...], ...] = ()
+    widened: float = 1.0
 
     @property
     def freedom(self) -> int:
@@ -137,7 +152,17 @@ class KrigedResponse:
         return np.asarray(curvature if self._process is None else curvature + self._process.curvatures(u))
 
     def spread(self, u: Reals) -> Reals:
-        """(k,) standard deviation of a run: process, noise, and what the trend's coefficients add."""
+        """(k,) standard deviation of a run: process, noise, and the estimates of trend, lengths and noise."""
+        variance, value = self._variance(u), self.value(u)
+        total = variance.copy()
+        for pair in self.others:
+            for other in pair:
+                total += 0.5 * (other._variance(u) - variance + (other.value(u) - value) ** 2)
+        # an average of variances that lengths of equal support give is no smaller than half of the one at the best
+        return np.asarray(self.widened * np.sqrt(np.maximum(total, 0.5 * variance)))
+
+    def _variance(self, u: Reals) -> Reals:
+        """(k,) variance of a run at these lengths and this noise."""
         trend = terms(u, self.rules.trend)
         process = self._process
         near = np.zeros((len(u), len(self.runs))) if process is None else process.each(u)
@@ -146,13 +171,13 @@ class KrigedResponse:
         F = solve_triangular(self.factor, terms(self.runs, self.rules.trend), lower=True)
         added = solve_triangular(self.trend_factor, trend.T - F.T @ across, trans="T")
         variance = process_variance + self.noise - np.sum(across**2, axis=0) + np.sum(added**2, axis=0)
-        return np.asarray(np.sqrt(self.variance * np.maximum(variance, 0.0)))
+        return np.asarray(self.variance * np.maximum(variance, 0.0))
 
     def again(self, u: Reals, y: Reals) -> KrigedResponse:
         """The fit to other runs (N, n), (N,), with unchanged lengths and noise."""
         likelihood = RestrictedLikelihood.of(u, y, self.rules)
-        log = np.log(self.lengths) if likelihood.noise is not None else np.log([*self.lengths, self.noise])
-        return likelihood.solved(log)[0]
+        others = tuple(tuple(other.again(u, y) for other in pair) for pair in self.others)
+        return replace(likelihood.solved(likelihood.logarithms(self))[0], others=others, widened=self.widened)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -187,6 +212,12 @@ class RestrictedLikelihood:
         if self.kind is None:
             return lengths, 1.0
         return lengths, float(np.exp(log[-1])) if self.noise is None else self.noise
+
+    def logarithms(self, fit: KrigedResponse) -> Reals:
+        """The point of a fit."""
+        if self.kind is None:
+            return np.zeros(self.u.shape[1] + (self.noise is None))
+        return np.log(fit.lengths) if self.noise is not None else np.log([*fit.lengths, fit.noise])
 
     def solved(self, log: Reals) -> tuple[KrigedResponse, Reals]:
         """The fit, and P."""
@@ -249,7 +280,78 @@ def _fitted(u: Reals, y: Reals, rules: KrigingRules) -> KrigedResponse:
     drawn = qmc.LatinHypercube(len(bounds), rng=np.random.default_rng(rules.seed)).random(_TRIED * len(bounds))
     tried = [first, *(low + drawn * (high - low))]
     starts = sorted(tried, key=lambda point: likelihood.negative(point)[0])[: rules.starts]
-    how = {"jac": True, "bounds": bounds, "method": "L-BFGS-B", "options": {"maxiter": _MOST_STEPS}}
-    ends = [minimize(likelihood.negative, start, **how) for start in starts]
-    best = min(ends, key=lambda end: float(end.fun))
-    return likelihood.solved(best.x)[0]
+    ends = [_most_likely(likelihood, start, low, high) for start in starts]
+    best = max(ends, key=lambda end: likelihood.solved(end)[0].log_likelihood)
+    fit = _with_others(likelihood, best, low, high)
+    return replace(fit, widened=_widened(likelihood, best, low, high))
+
+
+def _most_likely(likelihood: RestrictedLikelihood, start: Reals, low: Reals, high: Reals) -> Reals:
+    how = {"jac": True, "bounds": np.stack([low, high], axis=1), "method": "L-BFGS-B"}
+    return np.asarray(minimize(likelihood.negative, start, options={"maxiter": _MOST_STEPS}, **how).x)
+
+
+def _with_others(likelihood: RestrictedLikelihood, at: Reals, low: Reals, high: Reals) -> KrigedResponse:
+    return replace(likelihood.solved(at)[0], others=_plausible(likelihood, at, low, high))
+
+
+def _widened(likelihood: RestrictedLikelihood, best: Reals, low: Reals, high: Reals) -> float:
+    """The factor by which errors of predicted runs exceed their standard deviations, at their 90 % quantile.
+
+    Fifths of the runs are predicted by the others, with lengths and noise that are found again. The factor is drawn
+    towards one as a few runs with the right standard deviation would.
+    """
+    u, y, rules = likelihood.u, likelihood.y, likelihood.rules
+    n = len(y)
+    if n - (n + _FOLDS - 1) // _FOLDS < rules.least_runs(u.shape[1]):
+        return 1.0
+    order, ratio = np.random.default_rng(rules.seed).permutation(n), np.empty(n)
+    for k in range(_FOLDS):
+        out, kept = order[k::_FOLDS], np.delete(order, np.arange(k, n, _FOLDS))
+        part = RestrictedLikelihood.of(u[kept], y[kept], rules)
+        fit = _with_others(part, _most_likely(part, best, low, high), low, high)
+        spread = np.maximum(fit.spread(u[out]), np.finfo(float).tiny)
+        ratio[out] = np.abs(fit.value(u[out]) - y[out]) / (spread * stdtrit(fit.freedom, 0.95))
+    factor = float(np.quantile(ratio, 0.9))
+    return float(np.sqrt((_RIGHT_RUNS + n * factor**2) / (_RIGHT_RUNS + n)))
+
+
+def _plausible(
+    likelihood: RestrictedLikelihood, best: Reals, low: Reals, high: Reals
+) -> tuple[tuple[KrigedResponse, ...], ...]:
+    """Pairs of fits on both sides of the best, along the axes of the likelihood's curvature.
+
+    Each is where the logarithm of the likelihood is smaller by one half, as at one standard deviation of a normal
+    distribution, or at the range's end.
+    """
+    n, least = len(best), likelihood.negative(best)[0]
+    H = np.empty((n, n))
+    for i, side in enumerate(_STEP * np.eye(n)):
+        H[i] = (likelihood.negative(best + side)[1] - likelihood.negative(best - side)[1]) / (2.0 * _STEP)
+    values, axes = np.linalg.eigh(0.5 * (H + H.T))
+    pairs = []
+    for value, axis in zip(values, axes.T):
+        pair = []
+        for direction in (axis, -axis):
+            point = _half_less(
+                likelihood, best, direction, min(1.0 / np.sqrt(max(value, 1e-12)), _FARTHEST), least, low, high
+            )
+            pair.append(likelihood.solved(point)[0])
+        pairs.append(tuple(pair))
+    return tuple(pairs)
+
+
+def _half_less(
+    likelihood: RestrictedLikelihood, best: Reals, direction: Reals, step: float, least: float, low: Reals, high: Reals
+) -> Reals:
+    """The point along a direction at which the logarithm of the likelihood is smaller by one half."""
+
+    def at(t: float) -> Reals:
+        return np.clip(best + t * direction, low, high)
+
+    for _ in range(_MOST_TRIALS):
+        drop = likelihood.negative(at(step))[0] - least
+        if 0.35 <= drop <= 0.7 or (drop < 0.35 and step >= _FARTHEST):
+            break
+        step = min(step * float(np.clip(np.sqrt(0.5 / max(drop, 1e-3)), 0.3, 2.0)), _FARTHEST)
+    return at(step)

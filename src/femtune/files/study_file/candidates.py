@@ -72,6 +72,9 @@ class CandidatesTable(TomlTable):
     residual. Example: `1.1`"""
     probability: Fraction = 0.95
     """Probability with which a right model has no residual above the default of `threshold`. Example: `0.99`"""
+    instances: Annotated[int, Field(ge=0, le=1_000_000)] = 0
+    """Number of [instances](guide/candidates.md#instances) of each candidate, drawn within the bounds, of which those
+    with a residual above the limit are falsified; the others predict frequencies; 0: none. Example: `1000`"""
     cluster_distance: Annotated[float, Field(gt=0, le=100)] = 0.05
     """Clusters of admissible models are joined if the mean distance of their parameters is smaller, relative to the
     initial values. Example: `0.1`"""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from femtune.files.study_file.kinds import Text, TomlTable
 
 
@@ -18,3 +20,7 @@ class StudyOutputTable(OutputTable):
     vtu: bool = False
     """`femtune run` writes `shapes.vtu` for ParaView: mesh, modes and values of the parameters after the update; needs
     the extra `vtu`. Example: `true`"""
+    live: bool | Literal["auto"] = "auto"
+    """The report has a [live model](guide/report.md): its reader changes the parameters and sees frequencies and
+    shapes. `"auto"`: where it takes a fraction of a second, or the update has reduced models; `true`: also where it
+    takes about 15 more solutions of each configuration. Example: `true`"""

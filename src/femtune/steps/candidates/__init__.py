@@ -60,6 +60,17 @@ STEP = Step(
                 intro="Root mean square difference of all parameters, relative to their initial values, in %.",
             ),
             ReportSection(
+                "candidates_instances",
+                "Instances that are not falsified",
+                "candidates.page:candidates_instances",
+                intro=(
+                    "Instances are drawn within the bounds; one with a residual above the limit is falsified. Where "
+                    "few are left, further ones are drawn near a point that is not falsified. The ranges are those of "
+                    "all that are left, and of what they predict."
+                ),
+                optional=True,
+            ),
+            ReportSection(
                 "candidates_undetermined", "What the data do not determine", "candidates.page:candidates_undetermined"
             ),
             ReportSection("provenance", "Provenance", "run.page.method:provenance"),

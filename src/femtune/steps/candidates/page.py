@@ -194,6 +194,39 @@ def undetermined_blocks(models: Sequence[CandidateResults]) -> list[Block]:
     return [Listing(sentences)] if sentences else [Paragraph("The data determine all parameters of every model.")]
 
 
+def candidates_instances(source: ReportSource) -> list[Block]:
+    """Instances that are not falsified, by candidate."""
+    return instance_blocks(_of(source))
+
+
+def instance_blocks(comparison: CandidatesResults) -> list[Block]:
+    """How many instances are left, ranges of their parameters, and of the frequencies that they predict."""
+    models = [c for c in shown_models(comparison) if c.instances is not None]
+    if not models:
+        return []
+    heads = columns(
+        "Model", ">Instances", ">Not falsified", ">Drawn near", ">Not falsified", "Ranges of the parameters"
+    )
+    rows = []
+    ranges: dict[tuple[str, int], dict[str, str]] = {}
+    for c in models:
+        found = c.instances
+        assert found is not None
+        names = "; ".join(f"{p.parameter} {short(p.lower)} … {short(p.upper)}" for p in found.parameters)
+        counts = [str(n) for n in (found.drawn, found.kept, found.drawn_near, found.kept_near)]
+        rows.append(row(c.name, *counts, names or "all are falsified"))
+        for p in found.predictions:
+            of_mode = ranges.setdefault((p.configuration, p.mode), {})
+            of_mode[c.name] = f"{p.lower_hz:.5g} … {p.upper_hz:.5g}"
+    blocks: list[Block] = [Table("", heads, tuple(rows))]
+    if ranges:
+        of_models = [c.name for c in models if c.instances is not None and c.instances.predictions]
+        heads = columns("Configuration", ">Mode", *(f">{name}, Hz" for name in of_models))
+        lines = [row(case, str(n), *(of.get(m, NONE) for m in of_models)) for (case, n), of in ranges.items()]
+        blocks.append(Table("", heads, tuple(lines)))
+    return blocks
+
+
 def candidates_verdict(comparison: CandidatesResults) -> tuple[str, Level]:
     """The first sentence of the comparison."""
     level: Level = "warning" if any(a.level != "info" for a in comparison.alerts) else "info"
@@ -210,6 +243,7 @@ def candidates_document(subject: Subject, comparison: CandidatesResults) -> Docu
         ),
         Section("criteria", "Criteria", (criteria_table(comparison),)),
         Section("parameters", "Parameters", (parameter_table(comparison),)),
+        *((Section("instances", "Instances", tuple(blocks)),) if (blocks := instance_blocks(comparison)) else ()),
         Section("open", "What the data do not determine", tuple(undetermined_blocks(comparison.solved))),
     )
     return subject.document(verdict, level, sections)

@@ -32,6 +32,52 @@ class LeftOutPrediction(Record):
     """Why it could not be predicted."""
 
 
+class InstanceInterval(Record):
+    """Range of a parameter over the instances that are not falsified."""
+
+    parameter: str
+    """Name of the parameter."""
+    lower: float
+    """Smallest value."""
+    upper: float
+    """Largest value."""
+
+
+class InstancePrediction(Record):
+    """Range of a natural frequency over the instances that are not falsified."""
+
+    configuration: str
+    """Name of the configuration."""
+    mode: int
+    """Number of the mode at the initial values, from 1."""
+    lower_hz: float
+    """Smallest value, Hz."""
+    upper_hz: float
+    """Largest value, Hz."""
+
+
+class InstanceResults(Record):
+    """A population of instances of a candidate, and what those predict that are not falsified."""
+
+    drawn: int
+    """Number of instances within the bounds, at points of a Latin hypercube."""
+    kept: int
+    """Number of them that are not falsified."""
+    drawn_near: int
+    """Number of instances that were drawn where the linearised residuals keep a wider limit; 0 if there were none."""
+    kept_near: int
+    """Number of them that are not falsified."""
+    failed: int
+    """Number of instances that could not be solved or paired, which are falsified."""
+    parameters: tuple[InstanceInterval, ...]
+    """Ranges of the parameters that move, over all that are not falsified; none if all are."""
+    predictions: tuple[InstancePrediction, ...]
+    """Ranges of the frequencies of all configurations; none if all instances are falsified."""
+    instances_key: str
+    """Key of the instances that are not falsified, shape (instances, parameters + frequencies): values of the
+    parameters that move, and frequencies in Hz in the order of `predictions`."""
+
+
 class CandidateResults(Record):
     """One candidate model at its optimum."""
 
@@ -85,13 +131,15 @@ class CandidateResults(Record):
     bic_weight: float | None = None
     """Relative support by BIC, 0 to 1."""
     log_evidence: float | None = None
-    """Logarithm of the evidence by Laplace's approximation; only differences count."""
+    """Logarithm of the evidence, with residuals linear near the optimum; only differences count."""
     probability: float | None = None
     """Probability by the evidence, if all candidates are equally probable beforehand, 0 to 1."""
     admissible: bool = False
     """True if no residual exceeds the limit, or the mean error is within the threshold."""
     cluster: int | None = None
     """Number of its cluster of admissible models, from 1; None for others."""
+    instances: InstanceResults | None = None
+    """Instances that are drawn and falsified; None if the study asks for none, or no parameter moves."""
 
 
 class CandidatesResults(Record):

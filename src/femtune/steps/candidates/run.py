@@ -30,9 +30,18 @@ from femtune.selection.candidate_models import (
     subsets,
 )
 from femtune.selection.combinations import listed
+from femtune.selection.evidence import LinearFit
 from femtune.selection.minimax import smallest_largest
 from femtune.status import Status
-from femtune.steps.candidates.record import CandidateResults, CandidatesResults, CandidateValue, LeftOutPrediction
+from femtune.steps.candidates.instances import Limit
+from femtune.steps.candidates.instances import Population as Instances
+from femtune.steps.candidates.record import (
+    CandidateResults,
+    CandidatesResults,
+    CandidateValue,
+    InstanceResults,
+    LeftOutPrediction,
+)
 from femtune.steps.run_folder import unwritable
 from femtune.steps.select.record.identifiability import CombinationRecord
 from femtune.steps.update.external import least_squares_on_solver, moved_to, opened_solver
@@ -186,14 +195,17 @@ class _Fitting:
         moving = [parameters.index(name) for name in candidate.parameters]
         prior_mean, prior_sd = parameters.prior
         known = identifiability(at.jacobian[:, moving], np.asarray(prior_sd)[moving], candidate.parameters)
-        stated = [i for i in moving if parameters.free[i].prior_sd is not None]
+        J, (lower, upper) = at.jacobian[:, moving], parameters.bounds
+        stated = [parameters.free[i].prior_sd is not None for i in moving]
         worst = int(np.argmax(np.abs(r)))
         labels = [b.label for b in at.blocks for _ in b.values]
         return {
             "values": {name: float(v) for name, v in parameters.values(at.x).items()},
             "error": at.mean_error, "chi2": float(r @ r), "residuals": at.independent,
-            "singular": known.singular_values.tolist(), "rank": known.rank,
-            "prior_misfit": float((((at.x - prior_mean) / prior_sd)[stated] ** 2).sum()),
+            "rank": known.rank, "curvature": (J.T @ J).tolist(), "slope": (J.T @ r).tolist(),
+            "lower": (lower - at.x)[moving].tolist(), "upper": (upper - at.x)[moving].tolist(),
+            "prior_mean": (prior_mean - at.x)[moving].tolist(),
+            "prior_sd": [float(sd) if known else None for sd, known in zip(np.asarray(prior_sd)[moving], stated)],
             "worst": float(abs(r[worst])), "worst_label": labels[worst],
             "undetermined": [combination_record(known, c).model_dump(mode="json") for c in known.undetermined],
         }  # fmt: skip
@@ -359,6 +371,8 @@ def compare_candidates(
             raise FemtuneError("candidates.none")
         if table.search != NO_SEARCH and study.source.needs_runs:
             raise FemtuneError("external.study/update", key="search")
+        if table.instances and study.source.needs_runs:
+            raise FemtuneError("external.study/update", key="instances")
         if table.search == "cma-es":
             # before the first run: what a run misses would be kept as its result
             require("cma", extra="search")
@@ -379,7 +393,38 @@ def _compared(work: _Comparison, groups: Sequence[Group], resume: bool, arrays: 
     # without its tests a specimen keeps the initial values of its own parameters, so that nothing is predicted
     wanted = table.leave_one_out and study.specimens is None
     predicted = work.predicted(candidates, fits) if wanted else [{} for _ in candidates]
-    return _results(study, table, candidates, fits, predicted, arrays)
+    found = _results(study, table, candidates, fits, predicted, arrays)
+    return _with_instances(work, candidates, fits, found, arrays) if table.instances else found
+
+
+def _with_instances(
+    work: _Comparison,
+    candidates: Sequence[ParameterChoice],
+    fits: Sequence[Found],
+    found: CandidatesResults,
+    arrays: dict[str, Reals],
+) -> CandidatesResults:
+    """The comparison with a population of instances of each candidate that was solved."""
+    table, records = work.table, list(found.candidates)
+    least = min(c.error_percent or 0.0 for c in found.solved if c.bic is not None)
+    error = np.inf if table.threshold is None else 0.01 * table.threshold * least
+    limit = Limit(found.limit, error)
+    for i, (candidate, fit) in enumerate(zip(candidates, fits)):
+        if records[i].problem or not candidate.parameters:
+            continue
+        study = work._study(candidate)
+        population = Instances(study, study.problem(), candidate.parameters, np.array(fit["end"]), limit, work.progress)
+        instances = population.results(table.instances, table.seed, f"candidates/instances/{i}", arrays)
+        records[i] = records[i].model_copy(update={"instances": instances})
+    sentences = [
+        s for record in records if record.instances is not None for s in _of_instances(record.name, record.instances)
+    ]
+    return found.model_copy(update={"candidates": tuple(records), "sentences": (*found.sentences, *sentences)})
+
+
+def _of_instances(name: str, found: InstanceResults) -> Iterator[str]:
+    near = f", and {found.kept_near} of {found.drawn_near} drawn near an admissible point" if found.drawn_near else ""
+    yield f"{found.kept} of {found.drawn} instances of {name} within the bounds are not falsified{near}."
 
 
 Pairs = list[tuple[ParameterChoice, Found]]
@@ -603,9 +648,12 @@ def _least_of(calibration: Found) -> float:
 def _fit(calibration: Found, parameters: ParameterSet, within: Sequence[Found]) -> CandidateFit:
     """`within` are the candidate and those that it contains: what one of them reaches, the candidate reaches too."""
     place = np.array([calibration["values"][p.name] / p.scale for p in parameters.free])
+    moving = len(calibration["slope"])
+    parts = [np.array(calibration[key], float) for key in ("slope", "lower", "upper", "prior_mean")]
+    sd = np.array([np.inf if s is None else s for s in calibration["prior_sd"]], float)
+    linear = LinearFit(np.array(calibration["curvature"], float).reshape(moving, moving), *parts, sd)
     return CandidateFit(
-        calibration["chi2"], calibration["residuals"], np.array(calibration["singular"], float), calibration["rank"],
-        calibration["prior_misfit"],
+        calibration["chi2"], calibration["residuals"], calibration["rank"], linear,
         place, min(map(_least_of, within)), min(f["error"] for f in within),
     )  # fmt: skip
 

@@ -24,11 +24,13 @@ from femtune.document.page_view import (
     HistoryView,
     IterationFunctionsView,
     IterationModeView,
+    LiveShapesView,
     Packed,
     PageView,
     PairView,
     SceneView,
     StageView,
+    as_stored,
     coarse,
     coordinates,
     curve_view,
@@ -38,6 +40,7 @@ from femtune.document.page_view import (
     whole,
 )
 from femtune.steps.correlate.page.correlation import pair_places, shown_columns
+from femtune.steps.live.page import live_view
 from femtune.steps.modes.page.mode_shapes import measured_places, structure_of
 from femtune.steps.report_source import VERSION_HEADS
 from femtune.steps.respond.page import ordered_pairs
@@ -79,7 +82,7 @@ def view_of(source: ReportSource) -> PageView:
     names = list(dict.fromkeys(m.shapes.configuration for m in kept))
     share = MOTION_BYTES // max(1, len(names))
     scenes = (_scene(source, [m for m in kept if m.shapes.configuration == name], share) for name in names)
-    return PageView(tuple(s for s in scenes if s), tuple(_functions(source)), _history(source))
+    return PageView(tuple(s for s in scenes if s), tuple(_functions(source)), _history(source), live=live_view(source))
 
 
 @dataclass(frozen=True)
@@ -159,8 +162,19 @@ def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneVie
         lines=whole(mesh.lines[mesh.kinds == 0]),
         rigid=whole(mesh.lines[mesh.kinds != 0]),
         stages=tuple(stages),
+        live=_live_shapes(source, shapes[-1].configuration, geometry, len(frame.points)),
         **test,
     )
+
+
+def _live_shapes(source: ReportSource, name: str, geometry: _Geometry, points: int) -> LiveShapesView | None:
+    """What the live model draws its shapes with, at the points of the scene."""
+    found = source.results.live
+    one = next((c for c in found.configurations if c.configuration == name), None) if found else None
+    vectors, weights = (None, None) if one is None else map(source.array, (one.drawing_key, one.drawing_weights_key))
+    if vectors is None or weights is None or len(vectors) != points:
+        return None
+    return LiveShapesView(as_stored(vectors[geometry.rows]), as_stored(weights))
 
 
 def _sentence(text: str) -> str:

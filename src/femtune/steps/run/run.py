@@ -20,6 +20,7 @@ from femtune.steps.info.facts import alert_of
 from femtune.steps.judge.narrowing import with_honest_intervals
 from femtune.steps.judge.run import JudgedTopics
 from femtune.steps.judge.verdict import judgement
+from femtune.steps.live.record import LiveResults
 from femtune.steps.posterior.record import PosteriorResults
 from femtune.steps.quantify.record import QuantifyResults
 from femtune.steps.results import Results
@@ -187,6 +188,7 @@ class Run:
             "quantify": outcomes.find(QuantifyResults),
             "bootstrap": outcomes.find(BootstrapResults),
             "posterior": outcomes.find(PosteriorResults),
+            "live": outcomes.find(LiveResults),
             "specimens": outcomes.find(SpecimenResults),
             "mapped_damping": () if damped is None else damped.records,
             "write_back": None if written is None else written.deck.record,

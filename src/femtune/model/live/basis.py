@@ -1,0 +1,105 @@
+"""A second reduction: the reduced model of an update is trained to be exact everywhere, and is too large for a page.
+
+The modes of the first reduced model at points of the region and of the bounds are ordered by their singular values in
+energy norm; the leading ones are the basis. The modes of the updated point come first, so that it is exact there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg as la
+
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+from femtune.model.reduce import ReducedModel, ReducedModes, reduced_modes
+
+WHOLE = 40
+"""Order up to which all of a model is kept: a smaller basis would save nothing."""
+_NEGLIGIBLE = 1e-9
+"""Singular value relative to the largest one below which a vector is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class SecondBasis:
+    """Leading vectors of the modes at some points.
+
+    Parameters
+    ----------
+    model : the first reduced model
+    at : (k,) the updated point
+    count : modes that matter, the lowest ones
+    vectors : (r, q) in the coordinates of the first basis; yᵀ(K − σM)y = 1 at the updated point; the first ones are the
+        modes there
+    """
+
+    model: ReducedModel
+    at: Reals
+    count: int
+    vectors: Reals = field(repr=False)
+
+    def leading(self, order: int) -> Reals:
+        """(r, order) vectors that diagonalise K and M of the updated point on the leading ones, yᵀ(K − σM)y = 1."""
+        some = self.vectors[:, :order]
+        mass = some.T @ self.model.at(self.at).mass @ some
+        _, turned = la.eigh(0.5 * (mass + mass.T))
+        return np.asarray(some @ turned[:, ::-1])
+
+
+def second_basis(
+    model: ReducedModel, at: Reals, points: Sequence[Reals], count: int, most: int, static: Reals | None = None
+) -> SecondBasis:
+    """The basis from the modes at points.
+
+    Parameters
+    ----------
+    points : (k,) each; where the model cannot be solved, one is left out
+    count : modes that matter
+    most : vectors at most
+    static : (r, f) forces whose static shapes at the updated point are in the basis, after the modes there
+
+    Raises
+    ------
+    FemtuneError : ``reduce.indefinite`` at the updated point
+    """
+    start = reduced_modes(model.at(at), count)
+    if model.order <= min(most, WHOLE):
+        return SecondBasis(model, at, start.wanted, start.vectors)
+    point = start.point
+    root = la.cholesky(point.stiffness - model.shift * point.mass)
+    first = root @ start.vectors[:, : max(start.wanted, 1)]
+    first = la.qr(first, mode="economic")[0]
+    if static is not None and static.shape[1]:
+        shapes = la.solve_triangular(root, static, trans="T")
+        first = _with(first, shapes)
+    snapshots = [root @ _shapes(model, x, count) for x in points]
+    rest = np.hstack([s for s in snapshots if s.size] or [np.zeros((len(root), 0))])
+    rest = rest - first @ (first.T @ rest)
+    rest = rest - first @ (first.T @ rest)
+    if rest.shape[1]:
+        left, size, _ = la.svd(rest, full_matrices=False)
+        left = left[:, size > _NEGLIGIBLE]
+        first = np.hstack([first, left])
+    vectors = la.solve_triangular(root, first[:, :most])
+    return SecondBasis(model, at, start.wanted, vectors)
+
+
+def _with(basis: Reals, more: Reals) -> Reals:
+    """An orthonormal basis with the parts of further vectors that it misses."""
+    size = np.linalg.norm(more, axis=0)
+    more = more[:, size > 0.0] / size[size > 0.0]
+    for _ in range(2):
+        more = more - basis @ (basis.T @ more)
+    left, size, _ = la.svd(more, full_matrices=False)
+    return np.hstack([basis, left[:, size > 1e-6]])
+
+
+def _shapes(model: ReducedModel, x: Reals, count: int) -> Reals:
+    """(r, m) modes of unit energy; none where the model cannot be solved."""
+    try:
+        modes: ReducedModes = reduced_modes(model.at(x), count)
+    except FemtuneError:
+        return np.zeros((model.order, 0))
+    return modes.vectors[:, : modes.wanted]

@@ -1,0 +1,165 @@
+"""The live model in the report: what it is made of, how far it can be trusted, and its data for the page."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.document.document import Cell, Column, Paragraph, Table, row
+from femtune.document.numbers import counted, short
+from femtune.document.page_view import (
+    LiveCertificateView,
+    LiveCheckView,
+    LiveConfigurationView,
+    LiveOtherView,
+    LiveParameterView,
+    LivePartView,
+    LiveRegionView,
+    LiveTermView,
+    LiveView,
+    as_stored,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from femtune.document.document import Block
+    from femtune.steps.live.record import (
+        LiveCertificate,
+        LiveConfiguration,
+        LivePart,
+        LiveRegion,
+        LiveResults,
+        LiveTermRecord,
+    )
+    from femtune.steps.report_source import ReportSource
+
+
+def live(source: ReportSource) -> list[Block]:
+    """The section."""
+    found = source.results.live
+    if found is None:
+        return [Paragraph("Not computed.")]
+    if found.reason:
+        return [Paragraph(f"No live model: {found.reason}.")]
+    return [_certificate(found), *_remarks(found)]
+
+
+def _certificate(found: LiveResults) -> Table:
+    region, bounds = "95 % region", "Bounds"
+    heads = (
+        Column("Configuration"), Column("Order", "right"), Column("Compared with"),
+        *(Column(title, "right", group) for group in (region, bounds) for title in ("Points", "Frequency, %", "MAC")),
+    )  # fmt: skip
+    rows = tuple(
+        row(c.configuration, str(c.order), _reference(c), *_errors(c.region), *_errors(c.bounds))
+        for c in found.configurations
+    )
+    note = (
+        "Largest differences between the live model and the model that it was made of, at random points, with the "
+        "numbers as they are stored in this page. When it is opened, the page first solves points whose frequencies "
+        "are stored; if it finds others, it says so and shows none."
+    )
+    return Table("Errors of the live model", heads, rows, note)
+
+
+def _reference(c: LiveConfiguration) -> str:
+    if c.compared_with == "full model":
+        return f"full model, {c.dofs:,} DOFs"
+    error = (
+        ""
+        if c.reduced_error_percent is None
+        else f" (itself within {short(c.reduced_error_percent)} % of the full model where both were last compared)"
+    )
+    return f"reduced model of order {c.compared_order}{error}"
+
+
+def _errors(c: LiveCertificate | None) -> tuple[Cell | str, ...]:
+    if c is None:
+        return "none", "–", "–"
+    return str(c.points), _size(c.frequency_percent), "–" if c.mac is None else _size(c.mac)
+
+
+def _size(error: float) -> str:
+    return "< 0.0001" if error < 1e-4 else short(error)
+
+
+def _remarks(found: LiveResults) -> list[Block]:
+    out = [
+        "The intervals, the tests of the fit and the verdict of this report are those of the update; they do not "
+        "follow the sliders."
+    ]
+    if found.others:
+        kinds = ", ".join(o.kind for o in found.others)
+        out.append(f"Not computed again, so that their part of χ² keeps the value of the update: {kinds}.")
+    if found.solutions:
+        out.append(f"It was made from {counted(found.solutions, 'more solution')} of the full model.")
+    return [Paragraph(" ".join(out), "muted")]
+
+
+# ----------------------------------------------------------------------------------------------------
+# Data for the page.
+
+
+def live_view(source: ReportSource) -> LiveView | None:
+    """The data of the live model; None without one."""
+    found = source.results.live
+    if found is None or found.reason or not found.configurations:
+        return None
+    return LiveView(
+        parameters=tuple(
+            LiveParameterView(p.name, p.unit, p.nominal, p.updated, p.lower, p.upper, p.scale, p.interval_95)
+            for p in found.parameters
+        ),
+        x=_floats(source, found.x_key),
+        region=None if found.region is None else _region(source, found.region),
+        configurations=tuple(_configuration(source, c) for c in found.configurations),
+        others=tuple(LiveOtherView(o.kind, o.chi_square) for o in found.others),
+    )
+
+
+def _floats(source: ReportSource, key: str | None) -> tuple[float, ...]:
+    return tuple(_array(source, key).ravel().tolist())
+
+
+def _array(source: ReportSource, key: str | None) -> NDArray:
+    found = source.array(key)
+    return np.zeros(0) if found is None else found
+
+
+def _region(source: ReportSource, region: LiveRegion) -> LiveRegionView:
+    at, rows, offset = (_floats(source, key) for key in (region.at_key, region.rows_key, region.offset_key))
+    return LiveRegionView(region.moving, at, rows, offset, region.limit)
+
+
+def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurationView:
+    polynomials, weights = (_floats(source, key) for key in (c.polynomials_key, c.weights_key))
+    return LiveConfigurationView(
+        configuration=c.configuration, order=c.order, dofs=c.dofs, count=c.count, shift=c.shift,
+        theta=_floats(source, c.theta_key), terms=tuple(_term(t, polynomials) for t in c.terms),
+        triangles=as_stored(_array(source, c.triangles_key)), sensors=as_stored(_array(source, c.sensors_key)),
+        test_labels=c.test_labels, test_freq_hz=c.test_freq_hz,
+        test_shapes=as_stored(_array(source, c.test_shapes_key)),
+        pairs=tuple((p.test, p.modes[0]) for p in c.pairs if len(p.modes) == 1),
+        parts=tuple(_part(p, weights) for p in c.parts),
+        region=None if c.region is None else _errors_view(c.region), bounds=_errors_view(c.bounds),
+        checks=tuple(
+            LiveCheckView(_floats(source, k.x_key), _floats(source, k.eigenvalues_key), k.chi_square) for k in c.checks
+        ),
+    )  # fmt: skip
+
+
+def _errors_view(c: LiveCertificate) -> LiveCertificateView:
+    return LiveCertificateView(c.points, c.frequency_percent, c.mac)
+
+
+def _term(t: LiveTermRecord, polynomials: tuple[float, ...]) -> LiveTermView:
+    size = int(np.prod(t.shape))
+    return LiveTermView(t.kind, t.parameters, t.shape, polynomials[t.first : t.first + size], t.scale)
+
+
+def _part(p: LivePart, weights: tuple[float, ...]) -> LivePartView:
+    first, n = p.weights_first, p.weights_size
+    own = None if first is None else weights[first : first + n * n]
+    return LivePartView(p.kind, p.quantity, p.form, p.test, p.sd, p.sensors, own, p.common)

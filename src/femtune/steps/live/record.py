@@ -1,0 +1,198 @@
+"""The live model of the report as records."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from femtune.study.record import Record
+
+
+class LiveParameter(Record):
+    """A parameter that the reader of the report can change."""
+
+    name: str
+    """Name of the parameter."""
+    unit: str
+    """Unit of its values; "" for a factor."""
+    nominal: float
+    """Initial value, in `unit`."""
+    updated: float
+    """Result of the update."""
+    lower: float
+    """Lower bound."""
+    upper: float
+    """Upper bound."""
+    scale: float
+    """Value = nominal + scale · x, with the normalised parameter x."""
+    interval_95: tuple[float, float] | None = None
+    """95 % interval of the update; None where it gives none."""
+
+
+class LiveRegion(Record):
+    """The 95 % region of the parameters: points x with |A (x − x̂) + b|² at most `limit`."""
+
+    moving: tuple[int, ...]
+    """Positions of the parameters that have a distribution."""
+    at_key: str
+    """Key of x̂ (moving,), normalised."""
+    rows_key: str
+    """Key of A (m, moving)."""
+    offset_key: str
+    """Key of b (m,)."""
+    limit: float
+    """Value of |A (x − x̂) + b|² that 95 % of the distribution within the bounds are below."""
+
+
+class LiveTermRecord(Record):
+    """A matrix of the live model and the polynomial that multiplies it."""
+
+    kind: Literal["stiffness", "mass"]
+    """Matrix that it is a part of."""
+    parameters: tuple[int, ...]
+    """Positions of the parameters that it depends on."""
+    shape: tuple[int, ...]
+    """Number of Chebyshev coefficients in each of them."""
+    first: int
+    """Position of the first coefficient in `polynomials_key`."""
+    scale: float
+    """Factor on the stored entries of the matrix."""
+
+
+class LivePair(Record):
+    """A test mode and the modes of the updated model that it is compared with."""
+
+    test: int
+    """Position of the test mode."""
+    modes: tuple[int, ...]
+    """Positions of the modes of the model at the updated point; several for close modes that are compared as one
+    subspace."""
+
+
+class LivePart(Record):
+    """Residuals of one pair, which the page computes itself."""
+
+    kind: str
+    """Label of the kind of residual."""
+    quantity: Literal["frequency", "shape", "mac"]
+    """What is compared."""
+    form: str
+    """Form of the residual: "frequency" or "eigenvalue"; the scaling of a shape; the form of a MAC."""
+    test: int
+    """Position of the test mode."""
+    sd: float
+    """Standard deviation; 1 where `weights_first` is given."""
+    sensors: tuple[int, ...] = ()
+    """Rows of the sensors whose entries are compared, if not all."""
+    weights_first: int | None = None
+    """Position in `weights_key` of the first entry of the square matrix that makes residuals of the differences of a
+    shape; None where all are divided by `sd`."""
+    weights_size: int = 0
+    """Rows of that matrix."""
+    common: float = 0.0
+    """Change of the residual by the relative error that all frequencies share, of one standard deviation."""
+
+
+class LiveOtherPart(Record):
+    """Residuals that the page does not compute again."""
+
+    kind: str
+    """Label of the kind of residual."""
+    chi_square: float
+    """Sum of squares at the updated point."""
+
+
+class LiveCheck(Record):
+    """A point at which the page checks its own solution before it shows any."""
+
+    x_key: str
+    """Key of the normalised parameters (k,)."""
+    eigenvalues_key: str
+    """Key of the eigenvalues there, in rad²/s²."""
+    chi_square: float
+    """Sum of squares of all residuals that the page computes for this configuration, paired as at the update."""
+
+
+class LiveCertificate(Record):
+    """Largest errors of a live model at points where the model that it was made of was solved."""
+
+    points: int
+    """Number of points."""
+    frequency_percent: float
+    """Largest error of a frequency, in %."""
+    mac: float | None
+    """Largest error of the MAC of a pair; None without measured shapes."""
+
+
+class LiveConfiguration(Record):
+    """The live model of one configuration."""
+
+    configuration: str
+    """Name of the configuration."""
+    order: int
+    """Order of the matrices in the page."""
+    dofs: int
+    """Degrees of freedom of the full model."""
+    compared_with: Literal["full model", "reduced model"]
+    """What the certificate compares with."""
+    compared_order: int
+    """Order of that model."""
+    reduced_error_percent: float | None
+    """Largest error of a frequency of the reduced model itself, where it was last compared with the full one; None for
+    the full model."""
+    count: int
+    """Modes that are shown."""
+    shift: float
+    """σ in rad²/s²: K − σM is positive definite."""
+    theta_key: str
+    """Key of θ = 1/(λ − σ) of the live model at the updated point (order,), in s²/rad²."""
+    terms: tuple[LiveTermRecord, ...]
+    """Matrices that change with the parameters."""
+    triangles_key: str
+    """Key of their upper triangles by rows (terms, order (order + 1)/2), of masses relative to √(θ_a θ_b), θ
+    counting at least as a millionth of the largest one."""
+    polynomials_key: str
+    """Key of all Chebyshev coefficients."""
+    sensors_key: str
+    """Key of the motion of the sensors (sensors, order)."""
+    drawing_key: str | None = None
+    """Key of the vectors that shapes are drawn with (points, 3, vectors), steps of 8 bits; None where nothing is
+    drawn."""
+    drawing_weights_key: str | None = None
+    """Key of their parts in the coordinates of the live model (vectors, order)."""
+    test_labels: tuple[str, ...]
+    """Test modes."""
+    test_freq_hz: tuple[float, ...]
+    """Their frequencies in Hz."""
+    test_shapes_key: str
+    """Key of their shapes (sensors, test modes); NaN where not measured."""
+    pairs: tuple[LivePair, ...]
+    """Pairs at the updated point."""
+    parts: tuple[LivePart, ...]
+    """Residuals that the page computes."""
+    weights_key: str
+    """Key of the weights of shapes."""
+    region: LiveCertificate | None
+    """Errors in the 95 % region; None where the update gives no distribution."""
+    bounds: LiveCertificate
+    """Errors within the bounds."""
+    checks: tuple[LiveCheck, ...]
+    """Points that the page checks."""
+
+
+class LiveResults(Record):
+    """A model small enough to be solved in the report."""
+
+    reason: str = ""
+    """Why there is none; "" where there is one."""
+    parameters: tuple[LiveParameter, ...] = ()
+    """Parameters that can be changed."""
+    x_key: str | None = None
+    """Key of the updated point (k,), normalised."""
+    region: LiveRegion | None = None
+    """The 95 % region; None where the update gives no distribution."""
+    configurations: tuple[LiveConfiguration, ...] = ()
+    """One live model a configuration."""
+    others: tuple[LiveOtherPart, ...] = ()
+    """Residuals that keep the values of the update."""
+    solutions: int = 0
+    """Solutions of the full model that were made for it."""

@@ -1,0 +1,526 @@
+"""Make the live model of the report: second reduction of the models of an update, with a certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.modal.assignment import linear_sum_assignment
+from femtune.model.live import LiveModel, LiveModes, SecondBasis, Separated, live_model, second_basis, separated_terms
+from femtune.model.live.basis import WHOLE
+from femtune.model.live.matrices import solved
+from femtune.model.reduce import ReducedModel, ReducedModes, reduce_model, reduced_modes
+from femtune.model.reduce.training import candidates
+from femtune.steps.live.record import (
+    LiveCertificate,
+    LiveCheck,
+    LiveConfiguration,
+    LiveOtherPart,
+    LivePair,
+    LiveParameter,
+    LivePart,
+    LiveRegion,
+    LiveResults,
+    LiveTermRecord,
+)
+from femtune.steps.live.residuals import PagePart, page_parts
+from femtune.steps.modes.shapes import shape_rows
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.model import ConfiguredModel
+    from femtune.residuals import CaseState, Evaluation
+    from femtune.steps.update.run import FoundParameters
+    from femtune.study.cases import StudyCase
+    from femtune.study.progress import Progress
+    from femtune.study.study import Study
+    from femtune.updating import UpdateResult
+
+MOST_PARAMETERS = 40
+"""Parameters that a page offers at most."""
+SMALL = 250
+"""Degrees of freedom up to which a live model is made of the full matrices, which takes a fraction of a second."""
+MOST_ORDER = 165
+"""Order up to which a page solves the model within 50 ms."""
+MOST_BYTES = 3_500_000
+"""Bytes of all matrices of a page, of which base64 makes a third more."""
+DRAWING_BYTES = 700_000
+"""Bytes of the vectors that shapes are drawn with."""
+_POINTS = 50
+"""Points of the certificate, in the region and in the bounds each."""
+_SNAPSHOTS = 24
+"""Points at which modes are taken for the second basis, in the region and in the bounds each."""
+_TRAINING = 6
+"""The same for the first basis where the full model is solved, together with `_TRAINING` corners."""
+_REGION_TARGET, _BOUNDS_TARGET = 3e-5, 3e-4
+"""Relative frequency errors at which the order is large enough: a third of what a page should keep."""
+_LEVEL = 0.95
+_ORDERS = 1.25
+"""Ratio of two orders that are tried one after the other."""
+_DRAWN = 1e-3
+"""Part of a motion that drawing may leave out."""
+_SEED = 36
+
+
+def live_results(
+    study: Study, found: FoundParameters, arrays: dict[str, NDArray], progress: Progress
+) -> LiveResults | None:
+    """The live model at the end of an update; None where there is nothing to change or to show.
+
+    Its arrays go into `arrays`. Where it is not possible, the result says why.
+    """
+    result, wanted = found.result, study.file.output.live
+    states = [s for s in result.after.states if s.case.on_full_model.on_modes and len(s.case.test)]
+    if wanted is False or not result.parameters.free or not states:
+        return None
+    reason = _impossible(study, result) or _too_large(found, states, wanted)
+    if reason:
+        return LiveResults(reason=reason)
+    made = _Making(study, found, _Region.of(result), progress)
+    stored: dict[str, NDArray] = {"live/x": np.asarray(result.x, float)}
+    configurations: list[LiveConfiguration] = []
+    kinds: dict[str, float] = {}
+    for i, state in enumerate(states):
+        progress.step(f"live model: {state.case.name}", i, len(states))
+        one = made.configuration(i, state, stored)
+        if isinstance(one, str):
+            return LiveResults(reason=one)
+        configurations.append(one)
+    for block in result.after.blocks:
+        kinds[block.kind] = kinds.get(block.kind, 0.0) + float(block.values @ block.values)
+    configurations = _same_kinds(configurations, result.after)
+    done = {part.kind for c in configurations for part in c.parts}
+    others = tuple(LiveOtherPart(kind=k, chi_square=v) for k, v in kinds.items() if k not in done)
+    arrays |= stored
+    return LiveResults(
+        parameters=_parameters(result), x_key="live/x", region=made.region.record(arrays) if made.region else None,
+        configurations=tuple(configurations), others=others, solutions=made.solutions,
+    )  # fmt: skip
+
+
+def _impossible(study: Study, result: UpdateResult) -> str:
+    """Why no live model can be made of a study, in words; "" where one can."""
+    if study.source.needs_runs:
+        return "the model is solved by an external program, whose matrices femtune does not have"
+    if study.file.frequency_table:
+        return "stiffness or damping depends on frequency"
+    if len(result.parameters.free) > MOST_PARAMETERS:
+        return f"there are {len(result.parameters.free)} parameters; a page offers up to {MOST_PARAMETERS}"
+    return ""
+
+
+def _too_large(found: FoundParameters, states: Sequence[CaseState], wanted: bool | str) -> str:
+    large = [s.case.on_full_model.configured.n_free for s in states if _trained(found, s) is None]
+    most = max(large, default=0)
+    if wanted is True or most <= SMALL:
+        return ""
+    solutions = 1 + 2 * _TRAINING + 2
+    return (
+        f"the model has {most:,} degrees of freedom and was not reduced for the update; `live = true` in [output] "
+        f"makes one from about {solutions} more solutions of each configuration, and with [reduction] it takes none"
+    )
+
+
+def _trained(found: FoundParameters, state: CaseState) -> tuple[ReducedModel, Reals] | None:
+    """The reduced model of the update and its basis; None without one."""
+    search = found.search
+    for k, i in enumerate([] if search is None else search.reduced):
+        assert search is not None
+        if search.problem.cases[i].name == state.case.name and len(search.trained[k].basis):
+            return search.trained[k].model, search.trained[k].basis
+    return None
+
+
+def _parameters(result: UpdateResult) -> tuple[LiveParameter, ...]:
+    intervals, values = result.interval(), result.values
+    out = []
+    for p in result.parameters.free:
+        low, high = intervals[p.name]
+        interval = (low, high) if np.isfinite([low, high]).all() else None
+        out.append(
+            LiveParameter(
+                name=p.name, unit=p.unit, nominal=p.nominal, updated=values[p.name], lower=p.lower, upper=p.upper,
+                scale=p.scale, interval_95=interval,
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The 95 % region.
+
+
+@dataclass(frozen=True, eq=False)
+class _Region:
+    """Points with |A (x − x̂) + b|² ≤ limit within the bounds, and samples of the distribution that are in it."""
+
+    at: Reals
+    moving: NDArray[np.bool_]
+    rows: Reals
+    offset: Reals
+    limit: float
+    inside: Reals
+    size: Reals
+
+    @classmethod
+    def of(cls, result: UpdateResult) -> _Region | None:
+        posterior = result.covariance.posterior
+        if posterior is None or not len(posterior.samples):
+            return None
+        x = posterior.samples
+        d = (x - posterior.at)[:, posterior.moving]
+        q = np.sum((d @ posterior.rows.T + posterior.offset) ** 2, axis=1)
+        limit = float(np.quantile(q, _LEVEL))
+        inside = q <= limit
+        return cls(posterior.at, posterior.moving, posterior.rows, posterior.offset, limit, x[inside], q[inside])
+
+    def points(self, count: int, seed: int) -> Reals:
+        """(count, k) samples: half of them from the outer half of the region."""
+        random = np.random.default_rng(seed)
+        outer = np.flatnonzero(self.size >= np.median(self.size))
+        some = random.choice(outer, count // 2, replace=len(outer) < count)
+        more = random.choice(len(self.inside), count - count // 2, replace=len(self.inside) < count)
+        return self.inside[np.concatenate([some, more])]
+
+    def record(self, arrays: dict[str, NDArray]) -> LiveRegion:
+        stored = {"at": self.at[self.moving], "rows": self.rows, "offset": self.offset}
+        arrays |= {f"live/region/{name}": a for name, a in stored.items()}
+        keys = {f"{name}_key": f"live/region/{name}" for name in stored}
+        return LiveRegion(moving=tuple(np.flatnonzero(self.moving).tolist()), limit=self.limit, **keys)
+
+
+# ----------------------------------------------------------------------------------------------------
+# One configuration.
+
+
+@dataclass(frozen=True, eq=False)
+class _First:
+    """The model that the live one is made of.
+
+    Parameters
+    ----------
+    basis : (n_free, r); None where the model is the full one
+    error : of its frequencies where it was last compared with the full model; None for the full model
+    """
+
+    model: ReducedModel
+    basis: Reals | None
+    error: float | None
+
+    def full(self, vectors: Reals) -> Reals:
+        """Vectors in the DOFs of the full model."""
+        return vectors if self.basis is None else np.asarray(self.basis @ vectors)
+
+
+@dataclass(eq=False)
+class _Making:
+    study: Study
+    found: FoundParameters
+    region: _Region | None
+    progress: Progress
+    solutions: int = 0
+
+    @property
+    def result(self) -> UpdateResult:
+        return self.found.result
+
+    def configuration(self, number: int, state: CaseState, arrays: dict[str, NDArray]) -> LiveConfiguration | str:
+        """The record, its arrays entered, or why it cannot be made."""
+        configured, x = state.case.on_full_model.configured, np.asarray(self.result.x, float)
+        count = state.solution.wanted
+        try:
+            first = self._first(state, configured, count)
+            groups = separated_terms(configured, x, ("stiffness", "mass"))
+        except FemtuneError as error:
+            return f"its matrices cannot be had at all values of the parameters: {error.what}"
+        if isinstance(groups, str):
+            return groups
+        whole = first.model.order <= WHOLE
+        snapshots = [] if whole else [*self._region_points(_SNAPSHOTS, 1), *self._bounds_points(_SNAPSHOTS, 1)]
+        basis = second_basis(first.model, x, snapshots, count, min(MOST_ORDER, first.model.order))
+        terms = self._smallest(first, basis, groups, x, count)
+        if terms is None:
+            return "its frequencies cannot be computed at the updated point with few enough vectors"
+        vectors, model = terms
+        prefix = f"live/{number + 1}"
+        case = next(c for c in (self.found.study or self.study).cases if c.name == state.case.name)
+        return self._record(case, state, first, vectors, model, prefix, arrays)
+
+    def _first(self, state: CaseState, configured: ConfiguredModel, count: int) -> _First:
+        trained = _trained(self.found, state)
+        if trained is not None:
+            facts = self.found.reduction
+            errors = (
+                [m.certified_error_percent for m in facts.models if m.configuration == state.case.name] if facts else []
+            )
+            return _First(*trained, max((e for e in errors if e is not None and np.isfinite(e)), default=0.0))
+        shift = float(state.solution.shift)
+        if configured.n_free <= SMALL:
+            return _First(reduce_model(configured, np.eye(configured.n_free), shift=shift), None, None)
+        return self._region_trained(state, configured, count, shift)
+
+    def _region_trained(self, state: CaseState, configured: ConfiguredModel, count: int, shift: float) -> _First:
+        """From modes of the full model at the updated point, in the region and in the bounds."""
+        points = [*self._region_points(_TRAINING, 2), *self._bounds_points(_TRAINING, 2)]
+        columns, solver = [state.solution.shapes], state.case.on_full_model.solver
+        for i, x in enumerate(points):
+            self.progress.step(f"live model of {state.case.name}: solutions of the full model", i, len(points))
+            columns.append(solver.modes(configured.at(x), count, None).shapes)
+        self.solutions += len(points) + 2
+        metric = state.point.symmetric_stiffness.plus(-shift, state.point.symmetric_mass)
+        basis = np.linalg.qr(np.hstack([c / np.linalg.norm(c, axis=0) for c in columns]))[0]
+        gram = basis.T @ (metric @ basis)
+        size, turned = np.linalg.eigh(0.5 * (gram + gram.T))
+        basis = basis @ (turned / np.sqrt(size))
+        model = reduce_model(configured, basis, shift=shift)
+        errors = []
+        for x in [*self._region_points(1, 3), *self._bounds_points(1, 3)]:
+            full = solver.modes(configured.at(x), count, None).eigenvalues[:count]
+            errors.append(_error(reduced_modes(model.at(x), count).eigenvalues, full))
+        return _First(model, basis, 100.0 * max(errors))
+
+    def _region_points(self, count: int, seed: int) -> Reals:
+        k = len(self.result.x)
+        return np.zeros((0, k)) if self.region is None else self.region.points(count, _SEED + seed)
+
+    def _bounds_points(self, count: int, seed: int) -> Reals:
+        lower, upper = self.result.parameters.bounds
+        return candidates(lower, upper, count - count // 4, count // 4, _SEED + 10 * seed)
+
+    def _smallest(
+        self, first: _First, basis: SecondBasis, groups: Sequence[Separated], x: Reals, count: int
+    ) -> tuple[Reals, LiveModel] | None:
+        """The live model of the lowest order whose errors at some points are small enough, else of the largest one."""
+        most = basis.vectors.shape[1]
+        tried = [(_REGION_TARGET, self._region_points(6, 4)), (_BOUNDS_TARGET, self._bounds_points(8, 4))]
+        some = [] if most <= WHOLE else [(target, p) for target, points in tried for p in points]
+        known = [(target, p, _solved_first(first.model, p, count)) for target, p in some]
+        order, last = float(most if most <= WHOLE else min(basis.count + 8, most)), None
+        while True:
+            vectors = basis.leading(round(order))
+            model = live_model(first.model, vectors, groups, x, count)
+            room = sum(t.triangle.nbytes for t in model.terms) <= MOST_BYTES // max(1, len(self.result.after.states))
+            if not room and last is not None:
+                return last
+            last = vectors, model
+            live = [solved(model, p) for _, p, full in known if full is not None]
+            wanted = [(target, full) for target, _, full in known if full is not None]
+            if all(m is not None and _error(m.eigenvalues, full) <= t for m, (t, full) in zip(live, wanted)):
+                return last
+            if round(order) >= most:
+                return last
+            order = min(order * _ORDERS, float(most))
+
+    def _record(
+        self, case: StudyCase, state: CaseState, first: _First, vectors: Reals, model: LiveModel, prefix: str,
+        arrays: dict[str, NDArray],
+    ) -> LiveConfiguration:  # fmt: skip
+        test, residuals = state.case.test, self.study.problem().residuals
+        full = first.full(vectors)
+        sensors = np.asarray(state.case.on_full_model.sensors @ full, np.float32)
+        parts = page_parts(self.result.after, self.result.after.states.index(state), residuals)
+        rows = state.case.on_full_model.sensors
+        first_rows = np.asarray(rows.toarray() if first.basis is None else rows @ first.basis)
+        certified = _Certified(first.model, first_rows, model, sensors.astype(float), state, parts)
+        region = self._region_points(_POINTS, 5)
+        polynomials = np.concatenate([np.zeros(0), *(t.function.coefficients.ravel() for t in model.terms)])
+        starts = np.cumsum([0, *(t.function.coefficients.size for t in model.terms)])
+        weights = np.concatenate([np.zeros(0), *(p.weights.ravel() for p in parts if p.weights is not None)])
+        stored: dict[str, NDArray] = {
+            "theta": model.theta,
+            "triangles": np.array([t.triangle for t in model.terms]).reshape(len(model.terms), -1),
+            "polynomials": polynomials,
+            "sensors": sensors,
+            "test_shapes": np.asarray(test.shapes, float),
+            "weights": weights,
+            **self._drawing(case, full, model),
+        }
+        checks = []
+        for i, x in enumerate([*self._region_points(1, 6), *self._bounds_points(3, 6)][-3:]):
+            modes = solved(model, x)
+            if modes is not None:
+                stored |= {f"check_{i}_x": np.asarray(x), f"check_{i}": modes.eigenvalues}
+                keys = {"x_key": f"{prefix}/check_{i}_x", "eigenvalues_key": f"{prefix}/check_{i}"}
+                checks.append(LiveCheck(chi_square=certified.chi_square(modes), **keys))
+        arrays |= {f"{prefix}/{name}": a for name, a in stored.items()}
+        drawn = {f"{n}_key": f"{prefix}/{n}" for n in ("drawing", "drawing_weights") if n in stored}
+        return LiveConfiguration(
+            configuration=case.name, order=model.order, dofs=state.case.on_full_model.configured.n_free,
+            compared_with="full model" if first.error is None else "reduced model", compared_order=first.model.order,
+            reduced_error_percent=first.error, count=model.count, shift=model.shift,
+            theta_key=f"{prefix}/theta",
+            terms=tuple(
+                LiveTermRecord(
+                    kind="mass" if t.kind == "mass" else "stiffness", parameters=t.function.parameters,
+                    shape=t.function.coefficients.shape[1:], first=int(first_at), scale=t.scale,
+                )
+                for t, first_at in zip(model.terms, starts)
+            ),
+            triangles_key=f"{prefix}/triangles", polynomials_key=f"{prefix}/polynomials",
+            sensors_key=f"{prefix}/sensors", test_shapes_key=f"{prefix}/test_shapes",
+            test_labels=tuple(test.labels), test_freq_hz=tuple(map(float, test.freq_hz)),
+            pairs=tuple(
+                LivePair(test=i, modes=tuple(models)) for tests, models in state.groups for i in tests
+            ),
+            parts=_part_records(parts), weights_key=f"{prefix}/weights",
+            region=certified.at(region) if len(region) else None, bounds=certified.at(self._bounds_points(_POINTS, 5)),
+            checks=tuple(checks), **drawn,
+        )  # fmt: skip
+
+    def _drawing(self, case: StudyCase, full: Reals, model: LiveModel) -> dict[str, NDArray]:
+        """Vectors in which the shapes of the points lie, in steps of 8 bits, and their parts in the live model."""
+        shown = shape_rows(case)
+        points = len(shown.mesh.used)
+        if not points:
+            return {}
+        motion = np.asarray(sp.csr_array(shown.matrix[: 3 * points]) @ full)
+        where = [model.at, *self._region_points(4, 7), *self._bounds_points(8, 7)]
+        shapes = np.hstack([m.shapes for x in where if (m := solved(model, x)) is not None])
+        seen = motion @ shapes
+        seen /= np.maximum(np.linalg.norm(seen, axis=0), 1e-300)
+        left, size, _ = np.linalg.svd(seen, full_matrices=False)
+        most = max(model.count, DRAWING_BYTES // (3 * points * max(1, len(self.result.after.states))))
+        left = left[:, : min(int((size > _DRAWN * size[0]).sum()), most)]
+        steps = np.abs(left).max(axis=0) / 127.0
+        return {
+            "drawing": np.round(left / steps).astype(np.int8).reshape(points, 3, -1),
+            "drawing_weights": np.asarray(steps[:, None] * (left.T @ motion), np.float32),
+        }
+
+
+def _same_kinds(configurations: list[LiveConfiguration], at: Evaluation) -> list[LiveConfiguration]:
+    """Without parts of kinds that the page can compute in some of the configurations only."""
+    every = {(b.kind, b.configuration) for b in at.blocks}
+    done = {(p.kind, c.configuration) for c in configurations for p in c.parts}
+    whole = {kind for kind, _ in every if all(pair in done for pair in every if pair[0] == kind)}
+    return [c.model_copy(update={"parts": tuple(p for p in c.parts if p.kind in whole)}) for c in configurations]
+
+
+def _part_records(parts: Sequence[PagePart]) -> tuple[LivePart, ...]:
+    out, first = [], 0
+    for p in parts:
+        at = None if p.weights is None else first
+        first += 0 if p.weights is None else p.weights.size
+        out.append(
+            LivePart(
+                kind=p.kind, quantity=p.quantity, form=p.form, test=p.test, sd=p.sd,
+                sensors=tuple(p.sensors.tolist()), weights_first=at,
+                weights_size=0 if p.weights is None else len(p.weights), common=p.common,
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The certificate: the model of the page beside that which it was made of.
+
+
+_ELASTIC = 1e-6
+"""Eigenvalue over the largest one from which a mode is elastic."""
+
+
+def _error(values: Reals, full: Reals) -> float:
+    """Largest relative error of the frequencies of elastic modes."""
+    count = min(len(values), len(full))
+    some = full[:count] > _ELASTIC * full[:count].max(initial=0.0)
+    if len(values) < len(full) or not some.any():
+        return np.inf if len(values) < len(full) else 0.0
+    ratio = np.sqrt(np.maximum(values[:count][some], 0.0) / full[:count][some])
+    return float(np.abs(ratio - 1.0).max())
+
+
+def _solved_first(model: ReducedModel, x: Reals, count: int) -> Reals | None:
+    modes = _first_modes(model, x, count)
+    return None if modes is None else modes.eigenvalues[:count]
+
+
+def _first_modes(model: ReducedModel, x: Reals, count: int) -> ReducedModes | None:
+    try:
+        return reduced_modes(model.at(x), count)
+    except FemtuneError:
+        return None
+
+
+_NEAR = 1e-3
+"""Relative difference of the frequencies of two modes that may be the same one."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Certified:
+    """A live model beside its first model.
+
+    Parameters
+    ----------
+    sensors, first_sensors : (s, q) and (s, r) motion of the sensors in the coordinates of both
+    """
+
+    first: ReducedModel
+    first_sensors: Reals
+    live: LiveModel
+    sensors: Reals
+    state: CaseState
+    parts: Sequence[PagePart]
+
+    def at(self, points: Reals) -> LiveCertificate:
+        """Errors at points; those where the first model has no modes are not counted."""
+        worst, macs, solvable = 0.0, [], 0
+        for x in points:
+            known = _first_modes(self.first, x, self.live.count)
+            if known is None:
+                continue
+            solvable += 1
+            modes = solved(self.live, x)
+            if modes is None:
+                worst = np.inf
+                continue
+            worst = max(worst, _error(modes.eigenvalues, known.eigenvalues[: self.live.count]))
+            macs += self._mac_errors(modes, known)
+        return LiveCertificate(
+            points=solvable, frequency_percent=min(100.0 * worst, 1e9), mac=max(macs) if macs else None
+        )
+
+    def _mac_errors(self, modes: LiveModes, known: ReducedModes) -> list[float]:
+        """Differences of the MAC of each pair; of close modes the smallest."""
+        if len(self.sensors) < 2:
+            return []
+        seen, first = self.sensors @ modes.shapes, self.first_sensors @ known.shapes[:, : self.live.count + 4]
+        out = []
+        for i, j in self._partners(modes).items():
+            test = self.state.case.test.shapes[:, i]
+            near = np.abs(known.eigenvalues[: first.shape[1]] / modes.eigenvalues[j] - 1.0) <= 2.0 * _NEAR
+            if near.any():
+                macs = np.array([_mac(first[:, k], test) for k in np.flatnonzero(near)])
+                out.append(float(np.abs(macs - _mac(seen[:, j], test)).min()))
+        return out
+
+    def _partners(self, modes: LiveModes) -> dict[int, int]:
+        """Position of the mode of each test mode, followed from the updated point."""
+        members = [models[0] for _, models in self.state.groups]
+        overlap = (modes.mass[members] @ modes.shapes) / np.sqrt(self.live.theta[members, None])
+        followed = dict(zip(members, linear_sum_assignment(-(overlap**2))[1].tolist()))
+        return {i: followed[models[0]] for tests, models in self.state.groups for i in tests}
+
+    def chi_square(self, modes: LiveModes) -> float:
+        """Sum of squares of the parts, without the error that all frequencies share."""
+        partner, test, total = self._partners(modes), self.state.case.test, 0.0
+        shapes = self.sensors @ modes.shapes
+        for part in self.parts:
+            j = partner[part.test]
+            values = part.values(
+                float(modes.eigenvalues[j]), shapes[:, j], float(test.freq_hz[part.test]), test.shapes[:, part.test]
+            )
+            total += float(values @ values)
+        return total
+
+
+def _mac(shape: Reals, test: Reals) -> float:
+    known = ~np.isnan(test)
+    phi, psi = shape[known], test[known]
+    size = float((phi @ phi) * (psi @ psi))
+    return float(phi @ psi) ** 2 / size if size > 0.0 else 0.0

@@ -1,0 +1,243 @@
+// The live model: sliders for the parameters; frequencies, MAC, χ² and a moving shape that follow them.
+
+import { readView, type Live, type LiveParameter, type View } from "./data.ts";
+import { choice, h, save, shown, svg } from "./dom.ts";
+import { inRegion, type Solved } from "./livemodel.ts";
+import { certificateText, partsOf, studyLines, written } from "./livetext.ts";
+import type { Answer, LiveShape } from "./liveworker.ts";
+
+declare const WORKER: string;
+
+const STEPS = 500;
+const signed = (value: number, digits = 3) => (value > 0 ? "+" : "") + shown(value, digits);
+
+class Slider {
+  readonly element: HTMLElement;
+  readonly range: HTMLInputElement;
+  readonly number: HTMLInputElement;
+  constructor(readonly parameter: LiveParameter, k: number, changed: (value: number) => void) {
+    const { name, unit, lower, upper, nominal, updated, interval } = parameter, id = `live-${k}`;
+    const bound = (value: number) => Math.min(upper, Math.max(lower, value));
+    this.range = h("input", { type: "range", id, min: 0, max: STEPS, step: 1, "aria-describedby": `${id}-marks`, input: () => changed(lower + (Number(this.range.value) / STEPS) * (upper - lower)) });
+    this.number = h("input", {
+      type: "number", step: "any", min: lower, max: upper, "aria-label": `${name}, value`,
+      change: () => { const value = this.number.valueAsNumber; changed(Number.isFinite(value) ? bound(value) : updated); },
+    });
+    const place = (value: number) => `${(100 * (bound(value) - lower)) / (upper - lower)}%`;
+    const marks = svg("svg", { class: "marks", width: "100%", height: 12, "aria-hidden": "true" });
+    if (interval) marks.append(svg("rect", { class: "interval", x: place(interval[0]), width: `${(100 * (bound(interval[1]) - bound(interval[0]))) / (upper - lower)}%`, y: 1, height: 5 }));
+    marks.append(svg("rect", { class: "initial", x: place(nominal), width: 2, y: 0, height: 8 }), svg("rect", { class: "updated", x: place(updated), width: 2.5, y: 0, height: 12 }));
+    const words = `Bounds ${shown(lower)} to ${shown(upper)}; initial ${shown(nominal)}; updated ${shown(updated)}${interval ? `; 95 % interval ${shown(interval[0])} to ${shown(interval[1])}` : ""}`;
+    this.element = h("div", { class: "slider", title: words },
+      h("label", { for: id }, h("span", {}, unit ? `${name}, ${unit}` : name)), this.number,
+      h("div", { class: "track" }, this.range, marks, h("span", { class: "ends", "aria-hidden": "true" }, h("span", {}, shown(lower, 3)), h("span", {}, shown(upper, 3)))),
+      h("span", { class: "said", id: `${id}-marks` }, words));
+  }
+  set(value: number): void {
+    const { lower, upper, name, unit } = this.parameter;
+    this.range.value = String(Math.round((STEPS * (value - lower)) / (upper - lower)));
+    this.range.setAttribute("aria-valuetext", `${name} ${shown(value)} ${unit}`.trim());
+    this.number.value = written(value);
+  }
+}
+
+export class LivePanel {
+  readonly element = h("div", { class: "livemodel" });
+  private readonly live: Live;
+  private readonly sliders: Slider[];
+  private readonly values: number[];
+  private readonly where = h("p", { class: "shown", "aria-live": "polite" });
+  private readonly certificate = h("p", { class: "note" });
+  private readonly parts = h("tbody");
+  private readonly modes = h("tbody");
+  private readonly configuration;
+  private readonly lines: HTMLTextAreaElement;
+  private readonly copied = h("span", { class: "note", role: "status" });
+  private readonly host = h("div", { class: "liveshape" });
+  private readonly worker: Worker;
+  private readonly solved: (Solved | null)[];
+  private readonly first: (Solved | null)[];
+  private busy = false;
+  private waiting = false;
+  private id = 0;
+  private asked = 0;
+  private test: number;
+
+  constructor(private readonly view: View, private readonly failed: (why: string) => void) {
+    const live = this.live = view.live!;
+    this.values = live.parameters.map((p) => p.updated);
+    this.solved = live.configurations.map(() => null);
+    this.first = live.configurations.map(() => null);
+    this.test = live.configurations[0].pairs[0]?.[0] ?? -1;
+    this.sliders = live.parameters.map((p, k) => new Slider(p, k, (value) => this.set(k, value)));
+    this.configuration = choice("Configuration", live.configurations.map((c) => c.configuration), () => this.choose());
+    this.lines = h("textarea", { readonly: true, rows: 6, "aria-label": "Values as lines for a study" });
+    const address = URL.createObjectURL(new Blob([WORKER], { type: "text/javascript" }));
+    this.worker = new Worker(address);
+    this.worker.onmessage = (e: MessageEvent<Answer>) => this.take(e.data);
+    this.worker.onerror = (e) => { e.preventDefault(); this.failed("this browser does not run its solver"); };
+    this.worker.postMessage({ kind: "begin", live, shapes: live.configurations.map((c) => view.scenes.find((s) => s.configuration === c.configuration)?.live ?? null) });
+  }
+
+  private get at(): number { return this.configuration.select.selectedIndex; }
+  private get x(): number[] { return this.live.parameters.map((p, i) => (this.values[i] - p.nominal) / p.scale); }
+
+  private build(): void {
+    const button = (text: string, act: () => void) => h("button", { type: "button", click: act }, text);
+    const legend = h("p", { class: "note marks-key" },
+      mark("updated"), "updated", mark("initial"), "initial", ...(this.live.parameters.some((p) => p.interval) ? [mark("interval"), "95 % interval"] : []));
+    const table = (title: string, heads: string[], body: HTMLElement) => h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": title },
+      h("table", {}, h("caption", {}, title), h("thead", {}, h("tr", {}, ...heads.map((t, k) => h("th", { scope: "col", class: k ? "right" : "left" }, t)))), body));
+    const lines = h("details", {}, h("summary", {}, "The values as lines for a study"),
+      h("p", { class: "note" }, "In a study these are the initial values; the other keys of each parameter stay as they are."), this.lines,
+      h("p", { class: "tools" }, button("Copy", () => void this.copy()), button("Save", () => save("parameters.toml", new Blob([this.lines.value], { type: "text/plain" }))), this.copied));
+    this.element.replaceChildren(
+      h("div", { class: "columns" },
+        h("fieldset", { class: "sliders" }, h("legend", {}, "Parameters"), legend, ...this.sliders.map((s) => s.element),
+          h("p", { class: "tools" }, button("Back to the update", () => this.setAll((p) => p.updated)), button("Initial values", () => this.setAll((p) => p.nominal)))),
+        h("div", { class: "answers" }, this.where, this.certificate, h("div", { class: "controls" }, this.configuration.label),
+          table("Frequencies and MAC now", ["Test mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
+          table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.host)),
+      lines);
+    this.choose();
+    this.sliders.forEach((s, i) => s.set(this.values[i]));
+  }
+
+  private set(k: number, value: number): void {
+    this.values[k] = value;
+    this.sliders[k].set(value);
+    this.ask();
+  }
+
+  private setAll(value: (p: LiveParameter) => number): void {
+    this.live.parameters.forEach((p, k) => { this.values[k] = value(p); this.sliders[k].set(this.values[k]); });
+    this.ask();
+  }
+
+  private choose(): void {
+    const c = this.live.configurations[this.at];
+    if (!c.pairs.some(([test]) => test === this.test)) this.test = c.pairs[0]?.[0] ?? -1;
+    const k = this.view.scenes.findIndex((s) => s.configuration === c.configuration);
+    document.dispatchEvent(new CustomEvent("femtune:live-window", { detail: { host: this.host, scene: k } }));
+    this.fill();
+    this.ask();
+  }
+
+  private ask(): void {
+    this.lines.value = studyLines(this.live.parameters, this.values);
+    this.copied.textContent = "";
+    if (this.busy) { this.waiting = true; return; }
+    this.busy = true;
+    this.asked = performance.now();
+    // the configuration that is shown comes first
+    const rest = this.live.configurations.map((_, k) => k).filter((k) => k !== this.at);
+    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test } });
+  }
+
+  private take(answer: Answer): void {
+    if (answer.kind === "ready") {
+      if (!answer.verified) { this.failed("this browser does not find the frequencies that femtune found at the check points"); return; }
+      this.build();
+      return;
+    }
+    this.solved[answer.configuration] = answer.solved;
+    this.first[answer.configuration] ??= answer.solved;
+    if (answer.configuration === this.at) { this.fill(); this.say(); }
+    if (answer.shape) this.draw(answer.shape);
+    if (!answer.last) return;
+    this.fillParts();
+    requestAnimationFrame(() => { this.element.dataset.ms = (performance.now() - this.asked).toFixed(1); this.element.dataset.solved = String(answer.id); });
+    this.busy = false;
+    if (this.waiting) { this.waiting = false; this.ask(); }
+  }
+
+  /** Where the values are, and what holds there. */
+  private say(): void {
+    const { region } = this.live, c = this.live.configurations[this.at];
+    if (!this.solved[this.at]) {
+      this.where.textContent = "The model has no modes at these values.";
+      this.certificate.textContent = "";
+      return;
+    }
+    const same = this.live.parameters.every((p, i) => p.updated === this.values[i]);
+    const inside = region ? inRegion(region, this.x) : null;
+    this.element.classList.toggle("outside", inside !== null && inside > 1);
+    this.where.textContent = same ? "These are the updated values." : inside === null ? "Within the bounds. The update gives no distribution of the parameters."
+      : inside <= 1 ? "Within the 95 % region of the update (linearised)."
+      : `Outside the 95 % region of the update (linearised), ${inside < 1.21 ? "just beyond its edge" : `${shown(Math.sqrt(inside), 2)} times as far as its edge`}: see what χ² says of these values.`;
+    const useRegion = c.region && ((inside !== null && inside <= 1) || same);
+    this.certificate.textContent = useRegion ? certificateText(c.region!, "of the 95 % region") : certificateText(c.bounds, "within the bounds");
+  }
+
+  private fill(): void {
+    const c = this.live.configurations[this.at], now = this.solved[this.at], first = this.first[this.at];
+    this.modes.replaceChildren(...c.test_labels.map((label, test) => {
+      const pair = now?.pairs[test], before = first?.pairs[test], hz = pair && pair.column >= 0 ? now!.freq_hz[pair.column] : null;
+      const error = hz === null || !c.test_freq_hz[test] ? null : 100 * (hz / c.test_freq_hz[test] - 1);
+      const better = pair && pair.mac !== null && hz !== null ? this.better(now!, test, pair.column, pair.mac) : null;
+      const cell = (text: string) => h("td", { class: "right" }, text);
+      const head = hz !== null && this.view.scenes.some((s) => s.configuration === c.configuration && s.live)
+        ? h("button", { type: "button", class: "show", "aria-pressed": String(test === this.test), "aria-label": `Show the shape of test mode ${label}`, click: () => { this.test = test; this.ask(); } }, label) : label;
+      return h("tr", { class: test === this.test ? "chosen" : "" }, h("th", { scope: "row" }, head), cell(shown(c.test_freq_hz[test])),
+        cell(before && before.column >= 0 ? shown(first!.freq_hz[before.column], 5) : "–"), cell(hz === null ? "–" : shown(hz, 5)), cell(error === null ? "–" : signed(error)),
+        h("td", { class: "right" }, pair?.mac == null ? "–" : pair.mac.toFixed(3), better === null ? null : h("small", {}, ` mode ${better + 1} is more alike`)));
+    }));
+  }
+
+  /** A mode without a partner that is more like the test's than its partner. */
+  private better(now: Solved, test: number, column: number, mac: number): number | null {
+    const n = now.freq_hz.length, taken = new Set(now.pairs.map((p) => p.column));
+    let best = column, most = mac + 0.1;
+    for (let j = 0; j < n; j++) if (!taken.has(j) && now.mac[test * n + j] > most) { best = j; most = now.mac[test * n + j]; }
+    return best === column ? null : best;
+  }
+
+  private fillParts(): void {
+    const whole = (list: (Solved | null)[]) => (list.every((s) => s !== null) ? partsOf(list as Solved[]) : null);
+    const now = whole(this.solved), first = whole(this.first);
+    const kinds = Object.keys(first ?? {}), total = (of: Record<string, number> | null) => of && kinds.reduce((sum, k) => sum + of[k], 0) + this.live.others.reduce((sum, o) => sum + o.chi_square, 0);
+    const line = (name: string, a: number | null | undefined, b: number | null | undefined, muted = false) =>
+      h("tr", { class: muted ? "muted" : "" }, h("th", { scope: "row" }, name), h("td", { class: "right" }, shown(a)), h("td", { class: "right" }, shown(b)));
+    this.parts.replaceChildren(...kinds.map((k) => line(k, first?.[k], now?.[k])),
+      ...this.live.others.map((o) => line(`${o.kind} (not computed again)`, o.chi_square, o.chi_square, true)), line("total", total(first), total(now)));
+  }
+
+  private draw(shape: LiveShape): void {
+    const c = this.live.configurations[shape.configuration], now = this.solved[shape.configuration]!;
+    const title = `Test mode ${c.test_labels[shape.test]}, ${shown(c.test_freq_hz[shape.test])} Hz, and model mode ${shape.column + 1} with these values, ${shown(now.freq_hz[shape.column])} Hz`;
+    document.dispatchEvent(new CustomEvent("femtune:live-shape", { detail: { motion: shape.motion, factor: shape.factor, test: c.test_labels[shape.test], title } }));
+  }
+
+  private async copy(): Promise<void> {
+    try {
+      await navigator.clipboard.writeText(this.lines.value);
+      this.copied.textContent = "Copied.";
+    } catch {
+      this.lines.focus();
+      this.lines.select();
+      this.copied.textContent = "This browser lets no page write to the clipboard: the lines are selected.";
+    }
+  }
+}
+
+function mark(kind: string): SVGElement {
+  return svg("svg", { class: "marks key", width: 14, height: 12, "aria-hidden": "true" }, kind === "interval"
+    ? svg("rect", { class: kind, x: 0, y: 3, width: 14, height: 5 }) : svg("rect", { class: kind, x: 6, y: 0, width: 2.5, height: kind === "updated" ? 12 : 8 }));
+}
+
+function install(): void {
+  const view = readView(), section = document.getElementById("live");
+  if (!view?.live || !section) return;
+  const place = section.querySelector(".scroll") ?? section.children[1];
+  const failed = (why: string) => panel?.element.replaceWith(h("p", { class: "alert warning" }, `The live model is not shown: ${why}. The still pictures and tables of this report do not depend on it.`));
+  let panel: LivePanel | null = null;
+  try {
+    panel = new LivePanel(view, failed);
+    panel.element.classList.add("live");
+    section.insertBefore(panel.element, place);
+  } catch {
+    section.insertBefore(h("p", { class: "alert warning" }, "The live model is not shown: this browser starts no worker. The still pictures and tables of this report do not depend on it."), place);
+  }
+}
+
+install();

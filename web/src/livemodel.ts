@@ -1,0 +1,215 @@
+// The live model: matrices from the polynomials of the parameters, modes, pairs followed from the update, MAC and χ².
+
+import type { LiveConfiguration, LivePart, LiveRegion, LiveTerm } from "./data.ts";
+import { unpackDouble } from "./data.ts";
+import { largestPairs } from "./eigen.ts";
+
+const MASSLESS = 1e-14, LEAST_MASS = 1e-6;
+
+export interface Modes { eigenvalues: Float64Array; freq_hz: Float64Array; shapes: Float64Array[]; mass: Float64Array }
+/** A test mode and the position of its partner at the point; −1 without one. */
+export interface LivePair { test: number; column: number; mac: number | null }
+export interface Solved { freq_hz: Float64Array; pairs: LivePair[]; mac: Float64Array; squares: Record<string, number>; common: [number, number]; chiSquare: number }
+
+/** T_0 … of a place of the range, −1 … 1. */
+export function chebyshev(t: number, count: number): Float64Array {
+  const out = new Float64Array(count);
+  for (let k = 0; k < count; k++) out[k] = k === 0 ? 1 : k === 1 ? t : 2 * t * out[k - 1] - out[k - 2];
+  return out;
+}
+
+/** Value of the polynomial of a term. */
+export function polynomial(term: LiveTerm, x: ArrayLike<number>, lower: ArrayLike<number>, upper: ArrayLike<number>): number {
+  const [first, second] = term.parameters.map((p, k) => chebyshev((2 * x[p] - lower[p] - upper[p]) / (upper[p] - lower[p]), term.shape[k]));
+  let sum = 0;
+  if (!second) for (let i = 0; i < first.length; i++) sum += term.coefficients[i] * first[i];
+  else for (let i = 0; i < first.length; i++) for (let j = 0; j < second.length; j++) sum += term.coefficients[i * second.length + j] * first[i] * second[j];
+  return sum;
+}
+
+/** |rows (x − at) + offset|² over its limit: at most 1 in the 95 % region. */
+export function inRegion(region: LiveRegion, x: ArrayLike<number>): number {
+  const k = region.moving.length;
+  let sum = 0;
+  for (let i = 0; i < region.offset.length; i++) {
+    let value = region.offset[i];
+    for (let j = 0; j < k; j++) value += region.rows[i * k + j] * (x[region.moving[j]] - region.at[j]);
+    sum += value * value;
+  }
+  return sum / region.limit;
+}
+
+/** Columns of a matrix of costs (rows × columns, rows ≤ columns) of which the sum is smallest, one a row. */
+export function assignment(cost: number[][]): number[] {
+  const n = cost.length, m = n ? cost[0].length : 0;
+  const u = new Array(n + 1).fill(0), v = new Array(m + 1).fill(0), row = new Array(m + 1).fill(0), way = new Array(m + 1).fill(0);
+  for (let i = 1; i <= n; i++) {
+    row[0] = i;
+    let j0 = 0;
+    const least = new Array(m + 1).fill(Infinity), used = new Array(m + 1).fill(false);
+    do {
+      used[j0] = true;
+      const i0 = row[j0];
+      let delta = Infinity, j1 = 0;
+      for (let j = 1; j <= m; j++) if (!used[j]) {
+        const now = cost[i0 - 1][j - 1] - u[i0] - v[j];
+        if (now < least[j]) { least[j] = now; way[j] = j0; }
+        if (least[j] < delta) { delta = least[j]; j1 = j; }
+      }
+      for (let j = 0; j <= m; j++) if (used[j]) { u[row[j]] += delta; v[j] -= delta; } else least[j] -= delta;
+      j0 = j1;
+    } while (row[j0] !== 0);
+    do { const j1 = way[j0]; row[j0] = row[j1]; j0 = j1; } while (j0);
+  }
+  const out = new Array(n).fill(-1);
+  for (let j = 1; j <= m; j++) if (row[j]) out[row[j] - 1] = j - 1;
+  return out;
+}
+
+/** MAC of two shapes over the entries that the test has; NaN without any. */
+export function macOf(shape: Float64Array, test: Float64Array): number {
+  let inner = 0, a = 0, b = 0;
+  for (let i = 0; i < test.length; i++) if (!Number.isNaN(test[i])) { inner += shape[i] * test[i]; a += shape[i] * shape[i]; b += test[i] * test[i]; }
+  return a > 0 && b > 0 ? (inner * inner) / (a * b) : NaN;
+}
+
+export class LiveModel {
+  readonly size: Float64Array;
+  private readonly triangles: Float64Array[];
+  readonly sensors: Float64Array;
+  readonly tests: Float64Array[];
+  private readonly weights: Map<LivePart, Float64Array>;
+
+  constructor(readonly data: LiveConfiguration, readonly lower: number[], readonly upper: number[]) {
+    const { order, theta } = data, n = (order * (order + 1)) / 2;
+    const all = unpackDouble(data.triangles);
+    this.triangles = data.terms.map((t, k) => Float64Array.from(all.subarray(k * n, (k + 1) * n), (v) => v * t.scale));
+    this.size = Float64Array.from(theta, (t) => Math.sqrt(Math.max(t, LEAST_MASS * Math.max(...theta))));
+    this.sensors = unpackDouble(data.sensors);
+    const shapes = unpackDouble(data.test_shapes), modes = data.test_labels.length, count = modes ? shapes.length / modes : 0;
+    this.tests = data.test_labels.map((_, i) => Float64Array.from({ length: count }, (_, s) => shapes[s * modes + i]));
+    this.weights = new Map(data.parts.filter((p) => p.weights).map((p) => [p, Float64Array.from(p.weights!)]));
+  }
+
+  /** The lowest modes; null where the model has none. */
+  modes(x: ArrayLike<number>): Modes | null {
+    const { order: n, theta, shift, terms } = this.data;
+    const sums = { stiffness: new Float64Array((n * (n + 1)) / 2), mass: new Float64Array((n * (n + 1)) / 2) };
+    terms.forEach((term, k) => {
+      const f = polynomial(term, x, this.lower, this.upper), to = sums[term.kind], from = this.triangles[k];
+      if (f !== 0) for (let i = 0; i < to.length; i++) to[i] += f * from[i];
+    });
+    const a = new Float64Array(n * n), m = new Float64Array(n * n);
+    for (let i = 0, at = 0; i < n; i++) for (let j = i; j < n; j++, at++) {
+      const moved = sums.mass[at] * this.size[i] * this.size[j], same = i === j;
+      a[i * n + j] = a[j * n + i] = (same ? 1 : 0) + sums.stiffness[at] - shift * moved;
+      m[i * n + j] = m[j * n + i] = (same ? theta[i] : 0) + moved;
+    }
+    const mass = m.slice(), count = Math.min(this.data.count, n), found = largestPairs(m, a, n, count);
+    if (!found) return null;
+    const values: number[] = [], shapes: Float64Array[] = [];
+    for (let k = 0; k < count; k++) {
+      const t = found.theta[k];
+      if (!(t > MASSLESS * found.theta[0])) break;
+      values.push(shift + 1 / t);
+      shapes.push(found.vectors.slice(k * n, (k + 1) * n).map((v) => v / Math.sqrt(t)));
+    }
+    const eigenvalues = Float64Array.from(values);
+    return { eigenvalues, freq_hz: eigenvalues.map((v) => Math.sqrt(Math.max(v, 0)) / (2 * Math.PI)), shapes, mass };
+  }
+
+  /** Motion of the sensors in a shape. */
+  seen(shape: Float64Array): Float64Array {
+    const n = this.data.order, out = new Float64Array(this.sensors.length / n);
+    for (let s = 0; s < out.length; s++) {
+      let sum = 0;
+      for (let i = 0; i < n; i++) sum += this.sensors[s * n + i] * shape[i];
+      out[s] = sum;
+    }
+    return out;
+  }
+
+  /** The partner of each test mode: the mode that its partner of the update has become. */
+  follow(modes: Modes): Map<number, number> {
+    const { order: n, theta, pairs } = this.data;
+    if (!pairs.length || modes.shapes.length < pairs.length) return new Map();
+    const cost = pairs.map(([, j]) => modes.shapes.map((shape) => {
+      let sum = 0;
+      for (let i = 0; i < n; i++) sum += modes.mass[j * n + i] * shape[i];
+      return -(sum * sum) / theta[j];
+    }));
+    const found = assignment(cost);
+    return new Map(pairs.map(([test], k) => [test, found[k]]));
+  }
+
+  /** All that is shown of a point. */
+  solve(modes: Modes): Solved {
+    const { data } = this, partner = this.follow(modes), seen = modes.shapes.map((s) => this.seen(s));
+    const mac = new Float64Array(data.test_labels.length * seen.length);
+    data.test_labels.forEach((_, i) => seen.forEach((s, j) => { mac[i * seen.length + j] = macOf(s, this.tests[i]); }));
+    const measured = this.tests.length > 0 && this.tests[0].length > 1;
+    const pairs = data.test_labels.map((_, test) => {
+      const column = partner.get(test) ?? -1, value = column < 0 ? NaN : mac[test * seen.length + column];
+      return { test, column, mac: measured && !Number.isNaN(value) ? value : null };
+    });
+    const squares: Record<string, number> = {};
+    let u2 = 0, ur = 0, chiSquare = 0;
+    for (const part of data.parts) {
+      const j = partner.get(part.test);
+      if (j === undefined) continue;
+      const values = this.residuals(part, modes.eigenvalues[j], seen[j]);
+      let sum = 0;
+      for (const v of values) sum += v * v;
+      chiSquare += sum;
+      squares[part.kind] = (squares[part.kind] ?? 0) + sum;
+      if (part.common) { u2 += part.common * part.common; ur += part.common * values[0]; }
+    }
+    return { freq_hz: modes.freq_hz, pairs, mac, squares, common: [u2, ur], chiSquare };
+  }
+
+  private residuals(part: LivePart, eigenvalue: number, seen: Float64Array): Float64Array {
+    const test = this.tests[part.test];
+    if (part.quantity === "frequency") {
+      const ratio = eigenvalue / (2 * Math.PI * this.data.test_freq_hz[part.test]) ** 2;
+      return Float64Array.of(((part.form === "frequency" ? Math.sqrt(Math.max(ratio, 0)) : ratio) - 1) / part.sd);
+    }
+    if (part.quantity === "mac") {
+      const root = Math.sqrt(macOf(seen, test));
+      const value = part.form === "root" ? (1 - root) / root : part.form === "ratio" ? (1 - root ** 2) / root ** 2 : 1 - root ** 2;
+      return Float64Array.of(value / part.sd);
+    }
+    const rows = part.sensors.filter((s) => !Number.isNaN(test[s]));
+    const errors = differences(Float64Array.from(rows, (s) => seen[s]), Float64Array.from(rows, (s) => test[s]), part.form);
+    const weights = this.weights.get(part), n = errors.length;
+    if (!weights) return errors.map((e) => e / part.sd);
+    return Float64Array.from({ length: n }, (_, i) => {
+      let sum = 0;
+      for (let j = 0; j < n; j++) sum += weights[i * n + j] * errors[j];
+      return sum;
+    });
+  }
+}
+
+const dot = (a: Float64Array, b: Float64Array) => { let sum = 0; for (let i = 0; i < a.length; i++) sum += a[i] * b[i]; return sum; };
+
+/** Differences of a model shape and a test shape in one scale, as femtune.residuals.shape.scaled_difference. */
+export function differences(phi: Float64Array, test: Float64Array, scaling: string): Float64Array {
+  const side = dot(phi, test) >= 0 ? 1 : -1, size = Math.sqrt(dot(test, test));
+  if (scaling === "unit-norm") { const norm = side * Math.sqrt(dot(phi, phi)); return phi.map((v, i) => v / norm - test[i] / size); }
+  if (scaling === "scale-factor") { const factor = dot(phi, test) / dot(phi, phi); return phi.map((v, i) => (factor * v - test[i]) / size); }
+  if (scaling === "mass") return phi.map((v, i) => (side * v - test[i]) / size);
+  let top = 0;
+  test.forEach((v, i) => { if (Math.abs(v) > Math.abs(test[top])) top = i; });
+  return phi.map((v, i) => v / phi[top] - test[i] / test[top]).filter((_, i) => i !== top);
+}
+
+/** Whether the page finds what femtune found at its check points, to 1e-6. */
+export function verified(model: LiveModel): boolean {
+  return model.data.checks.every(({ x, eigenvalues, chi_square }) => {
+    const modes = model.modes(x);
+    if (!modes || modes.eigenvalues.length !== eigenvalues.length) return false;
+    const most = Math.max(...eigenvalues.map(Math.abs));
+    const same = eigenvalues.every((v, i) => Math.abs(modes.eigenvalues[i] - v) <= 1e-6 * Math.abs(v) + 1e-9 * most);
+    return same && Math.abs(model.solve(modes).chiSquare - chi_square) <= 1e-5 * Math.max(1, chi_square);
+  }) && model.data.checks.length > 0;
+}

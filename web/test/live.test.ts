@@ -1,0 +1,140 @@
+// The solver of the live model beside NumPy, and its parts.
+
+import assert from "node:assert/strict";
+import test from "node:test";
+import { largestPairs } from "../src/eigen.ts";
+import { assignment, chebyshev, differences, inRegion, LiveModel, macOf, polynomial, verified } from "../src/livemodel.ts";
+import { certificateText, partsOf, studyLines } from "../src/livetext.ts";
+import type { LiveConfiguration, Packed } from "../src/data.ts";
+
+/** Numbers between −1 and 1 that every language makes alike. */
+function numbers(count: number, seed: number): Float64Array {
+  let s = seed;
+  return Float64Array.from({ length: count }, () => { s = (s * 16807) % 2147483647; return (2 * s) / 2147483647 - 1; });
+}
+
+/** B Bᵀ + d·1 of a matrix of such numbers (n × m). */
+function positive(n: number, m: number, seed: number, d: number): Float64Array {
+  const b = numbers(n * m, seed), out = new Float64Array(n * n);
+  for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) {
+    for (let k = 0; k < m; k++) out[i * n + j] += b[i * m + k] * b[j * m + k];
+    if (i === j) out[i * n + j] += d;
+  }
+  return out;
+}
+
+// scipy.linalg.eigh(M, A) of the same matrices (n, columns of B of M, seeds 7 and 11, 1 on the diagonal of A): largest first
+const KNOWN: [number, number, number[]][] = [
+  [5, 5, [2.0604959769912865, 1.0618688116659882, 0.6369352524044309, 0.25980585710445725, 0.0428161635657793]],
+  [24, 24, [12.569331258512134, 8.684692450676993, 8.03266197288087, 6.57328840475424, 5.995316335607542, 4.5711260629149155, 3.468931647960527, 2.2544394465699438]],
+  [40, 25, [16.607777082412618, 13.132130279249724, 11.449972526399948, 9.931411736186398, 7.281136377195865, 5.886449751069066, 3.9593538862992443, 3.7727380650804236]],
+];
+
+for (const [n, rank, wanted] of KNOWN) test(`eigenvalues of order ${n} are those of LAPACK, with ${n - rank} motions without mass`, () => {
+  const m = positive(n, rank, 7, 0), a = positive(n, n, 11, 1), [m0, a0] = [m.slice(), a.slice()];
+  const count = wanted.length, found = largestPairs(m, a, n, count)!;
+  wanted.forEach((v, i) => assert.ok(Math.abs(found.theta[i] / v - 1) < 1e-11, `${i}: ${found.theta[i]} ${v}`));
+  for (let p = 0; p < count; p++) for (let q = 0; q <= p; q++) {
+    const [y, z] = [found.vectors.subarray(p * n, (p + 1) * n), found.vectors.subarray(q * n, (q + 1) * n)];
+    const form = (k: Float64Array) => { let sum = 0; for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) sum += y[i] * k[i * n + j] * z[j]; return sum; };
+    assert.ok(Math.abs(form(a0) - (p === q ? 1 : 0)) < 1e-9);
+    assert.ok(Math.abs(form(m0) - (p === q ? wanted[p] : 0)) < 1e-9 * wanted[0]);
+  }
+});
+
+test("equal eigenvalues have orthogonal vectors", () => {
+  const n = 6, eye = () => Float64Array.from({ length: n * n }, (_, i) => (i % (n + 1) === 0 ? 1 : 0));
+  const m = eye();
+  m[0] = 3; m[7] = 3; m[14] = 2;
+  const { theta, vectors } = largestPairs(m, eye(), n, 4)!;
+  assert.deepEqual(Array.from(theta), [3, 3, 2, 1, 1, 1]);
+  let inner = 0;
+  for (let i = 0; i < n; i++) inner += vectors[i] * vectors[n + i];
+  assert.ok(Math.abs(inner) < 1e-12);
+});
+
+test("a matrix that is not positive definite is refused", () => {
+  assert.equal(largestPairs(Float64Array.of(1, 0, 0, 1), Float64Array.of(1, 2, 2, 1), 2, 1), null);
+});
+
+test("polynomials of one and two parameters", () => {
+  assert.deepEqual(Array.from(chebyshev(0.5, 4)), [1, 0.5, -0.5, -1]);
+  const one = { kind: "mass" as const, parameters: [1], shape: [3], coefficients: [1, 2, 3], scale: 1 };
+  assert.equal(polynomial(one, [9, 1.5], [0, 1], [1, 2]), 1 - 3);
+  const two = { kind: "mass" as const, parameters: [0, 1], shape: [2, 2], coefficients: [1, 2, 3, 4], scale: 1 };
+  assert.equal(polynomial(two, [1, 1], [0, 1], [1, 2]), 1 - 2 + 3 - 4);
+});
+
+test("the assignment with the smallest sum", () => {
+  assert.deepEqual(assignment([[4, 1, 3], [2, 0, 5], [3, 2, 2]]), [1, 0, 2]);
+  assert.deepEqual(assignment([[1, 0, 9], [0, 9, 9]]), [1, 0]);
+});
+
+test("the region is an ellipsoid about its centre", () => {
+  const region = { moving: [1], at: [2], rows: [3], offset: [0.5], limit: 4 };
+  assert.equal(inRegion(region, [99, 2.5]), 1);
+  assert.ok(inRegion(region, [99, 2.6]) > 1 && inRegion(region, [99, 2.4]) < 1);
+});
+
+test("differences of shapes in their scales", () => {
+  const phi = Float64Array.of(2, -2, 1), psi = Float64Array.of(-4, 4, -2);
+  for (const scaling of ["unit-norm", "scale-factor", "largest-entry"]) assert.ok(differences(phi, psi, scaling).every((e) => Math.abs(e) < 1e-15), scaling);
+  assert.equal(differences(phi, psi, "largest-entry").length, 2);
+  assert.equal(macOf(phi, Float64Array.of(-4, NaN, -2)), 1);
+});
+
+test("frequencies with an error that all share count less", () => {
+  const one = { freq_hz: new Float64Array(), pairs: [], mac: new Float64Array(), squares: { frequency: 8, shape: 1 }, common: [2, 4] as [number, number], chiSquare: 9 };
+  // rᵀ(1 + uuᵀ)⁻¹r of r = (2, 2), u = (1, 1)
+  assert.deepEqual(partsOf([one]), { frequency: 8 - 16 / 3, shape: 1 });
+});
+
+test("values as lines of a study, and what is said of errors", () => {
+  const p = { name: "Icx1", unit: "", nominal: 1, updated: 0.6, lower: 0.2, upper: 3, scale: 1, interval: null };
+  assert.equal(studyLines([p], [0.61234567]), '[[parameter]]\nname = "Icx1"\nnominal = 0.612346\n');
+  assert.match(certificateText({ points: 50, frequency_percent: 0.0123, mac: 1e-9 }, "of the 95 % region"), /by 0\.012 %, and the MAC by less than 0\.0001, the largest of 50 points of the 95 % region/);
+});
+
+function packed(values: Float64Array, shape: number[]): Packed {
+  return { type: "f8", shape, data: Buffer.from(values.buffer).toString("base64"), scale: [], offset: [] };
+}
+
+/** Two springs in line to the ground, unit masses; the second spring has the stiffness 1 + x. */
+function chain(check: number): LiveModel {
+  const shift = -1, k = [[2, -1], [-1, 1]], added = [[1, -1], [-1, 1]];
+  // coordinates that diagonalise both: eigenvectors of K by their golden ratio
+  const g = (1 + Math.sqrt(5)) / 2, raw = [[1, g], [g, -1]].map((v) => v.map((e) => e / Math.hypot(...v)));
+  const lambda = raw.map((v) => v[0] * (k[0][0] * v[0] + k[0][1] * v[1]) + v[1] * (k[1][0] * v[0] + k[1][1] * v[1]));
+  const basis = raw.map((v, i) => v.map((e) => e / Math.sqrt(lambda[i] - shift)));
+  const term = (a: number, b: number) => basis[a].reduce((sum, va, i) => sum + basis[b].reduce((inner, vb, j) => inner + va * added[i][j] * vb, 0), 0);
+  const data: LiveConfiguration = {
+    configuration: "chain", order: 2, dofs: 2, count: 2, shift, theta: lambda.map((l) => 1 / (l - shift)),
+    terms: [{ kind: "stiffness", parameters: [0], shape: [2], coefficients: [0, 1], scale: 1 }],
+    triangles: packed(Float64Array.of(term(0, 0), term(0, 1), term(1, 1)), [1, 3]),
+    sensors: packed(Float64Array.of(basis[0][0], basis[1][0], basis[0][1], basis[1][1]), [2, 2]),
+    test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0]],
+    parts: [{ kind: "frequency", quantity: "frequency", form: "eigenvalue", test: 0, sd: 0.5, sensors: [], weights: null, common: 0 }],
+    region: null, bounds: { points: 1, frequency_percent: 0, mac: null },
+    checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0 }],
+  };
+  return new LiveModel(data, [-1], [1]);
+}
+
+test("modes of a chain of two masses", () => {
+  const model = chain(0), x = 0.5, modes = model.modes([x])!;
+  // λ² − (3 + 2x)λ + (1 + x) = 0
+  const half = 1.5 + x, root = Math.sqrt(half * half - (1 + x));
+  assert.ok(Math.abs(modes.eigenvalues[0] - (half - root)) < 1e-12 && Math.abs(modes.eigenvalues[1] - (half + root)) < 1e-12);
+  const solved = model.solve(modes);
+  assert.deepEqual(solved.pairs.map((p) => [p.test, p.column]), [[0, 0]]);
+  assert.ok(solved.pairs[0].mac! > 0.98 && solved.pairs[0].mac! < 1);
+  const r = ((half - root) / (2 * Math.PI * 0.1) ** 2 - 1) / 0.5;
+  assert.ok(Math.abs(solved.chiSquare - r * r) < 1e-12);
+  // what the page finds is held against what it was given
+  const right = chain(half - root);
+  right.data.checks[0].eigenvalues[1] = half + root;
+  right.data.checks[0].chi_square = r * r;
+  assert.ok(verified(right));
+  right.data.checks[0].eigenvalues[1] *= 1 + 1e-5;
+  assert.ok(!verified(right));
+});
