@@ -99,7 +99,11 @@ def measured(case: str, number: int, seed: int) -> Row:
     found = results.posterior
     if found is None:
         return row | {"refused": "; ".join(a.code for a in results.alerts)}
-    row |= {"seconds": round(time.process_time() - begun, 1), "effective": round(found.effective), "hits": {w: [] for w in WAYS}}
+    row |= {
+        "seconds": round(time.process_time() - begun, 1),
+        "effective": round(found.effective),
+        "hits": {w: [] for w in WAYS},
+    }
     for p in found.parameters:
         true = one.truth[p.parameter.replace("_", " ")]
         for way, interval in zip(WAYS, (p.interval_95, p.of_data_interval_95 or p.interval_95, p.update_interval_95)):
@@ -127,11 +131,11 @@ def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
     done = [r for r in rows if "hits" in r]
     yield "# Intervals beside a wrong model"
     yield ""
-    yield f"Parts of the 95 % intervals that contain the true value, over {len(done)} simulated tests of a frame, a plate, a"
-    yield "welded shell and an aeroplane, whose noise is as stated (seed "
-    yield f"{seed}). The posterior has errors of the model as by default; errors of the data alone are those of the same samples."
-    yield "The update has the intervals of `femtune update`, which are widened by the misfit. Made by"
-    yield "`benchmarks/posterior/run.py`. Intervals of Clopper and Pearson in brackets."
+    yield f"Parts of the 95 % intervals that contain the true value, over {len(done)} simulated tests of a frame, a"
+    yield f"plate, a welded shell and an aeroplane, whose noise is as stated (seed {seed}). The posterior has errors of"
+    yield "the model as by default; errors of the data alone are of the same samples. The update has the intervals"
+    yield "of `femtune update`, which are widened by the misfit. Intervals of Clopper and Pearson in brackets. Made by"
+    yield "`benchmarks/posterior/run.py`."
     yield ""
     yield f"| model | tests | aim | {' | '.join(WAYS)} | width over that of the data alone, median |"
     yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: |"
@@ -142,11 +146,13 @@ def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
         wider = [w for r in mine for w in r["wider"]]
         width = f"{np.median(wider):.2f}" if wider else "–"
         cells = [_cell(rate(h for r in mine for h in r["hits"][way])) for way in WAYS]
-        yield f"| {title} | {len(mine)} | {aim} | {' | '.join(cells)} | {width}{f' (aim {WIDEST})' if case == 'right' else ''} |"
+        width += f" (aim {WIDEST})" if case == "right" else ""
+        yield f"| {title} | {len(mine)} | {aim} | {' | '.join(cells)} | {width} |"
     yield ""
     seconds = [r["seconds"] for r in done]
     if seconds:
-        yield f"A posterior took {np.median(seconds):.0f} s of processor time in the median, {max(seconds):.0f} s at most."
+        yield f"A posterior took {np.median(seconds):.0f} s of processor time in the median, {max(seconds):.0f} s at"
+        yield "most."
     refused = [r for r in rows if "refused" in r]
     if refused:
         codes = ", ".join(sorted({r["refused"] for r in refused}))

@@ -3,8 +3,8 @@
 The residuals of kind k have the variance σ_k² in units of their stated variances: σ_k is one, or is sampled with the
 prior 1/σ_k (Jeffreys). Where the model has errors of its own, the residuals are r(x) + B q with nuisance factors q on
 what no parameter represents, B = ∂r/∂q, and q normal with an unknown standard deviation s_c in each class c. Its
-logarithm is as likely anywhere between two limits, with the soft ends 1/((1 + s²/s₂²)(1 + s₁²/s²)): a model may be right
-but for what nobody would see, or wrong by tens of per cent. The factors q are integrated out:
+logarithm is as likely anywhere between two limits, with the soft ends 1/((1 + s²/s₂²)(1 + s₁²/s²)): a model may be
+right but for what nobody would see, or wrong by tens of per cent. The factors q are integrated out:
 
     H = Σ_k B_kᵀB_k/σ_k² + diag(s⁻²),  g = Σ_k B_kᵀr_k/σ_k²,
     log p(r) = −½ (Σ_k (n_k log σ_k² + r_kᵀr_k/σ_k²) + Σ log s² + log|H| − gᵀH⁻¹g) + constant.
@@ -154,9 +154,7 @@ class Likelihood:
             slope[:, j] = inverse * own[:, one.columns].sum(axis=1) - len(one.columns)
         return log, tuple(by_parts), slope
 
-    def _factors(
-        self, parts: tuple[Reals, ...], B: tuple[Reals, ...], weight: Reals, theta: Reals
-    ) -> _Factors | None:
+    def _factors(self, parts: tuple[Reals, ...], B: tuple[Reals, ...], weight: Reals, theta: Reals) -> _Factors | None:
         """The factors q of residuals; None without errors of the model."""
         m = self.B.shape[1]
         if not m:

@@ -116,7 +116,7 @@ class _SingleModes:
         gaps = inverse_gaps(solution, [[j] for j in range(count)])
         self._outside = np.zeros_like(forces)
         self._outside[:, acts] = outside(solution, values[mode], gaps[:, mode], forces[:, acts])
-        self._values, self._phi = values, phi
+        self._values, self._phi, self._k = values, phi, point.n_parameters
         self._seen: tuple[sp.csr_array | None, Reals, Reals] = (None, self._outside, phi)
 
     def of(self, mode: int, rows: sp.csr_array | None) -> SubspaceDerivative:
@@ -125,7 +125,7 @@ class _SingleModes:
             at = (self._outside, self._phi) if rows is None else (rows @ self._outside, rows @ self._phi)
             self._seen = (rows, *at)
         _, seen, shapes = self._seen
-        by_mode = seen.reshape(len(seen), len(self._values), -1)
+        by_mode = seen.reshape(len(seen), len(self._values), self._k)
         k, m = (one[mode][:, None, None] for one in (self._stiffness, self._mass))
         column = slice(mode, mode + 1)
         return SubspaceDerivative(self._values[column], k, m, by_mode[:, column], shapes[:, column], 0.0)

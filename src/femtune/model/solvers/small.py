@@ -37,20 +37,20 @@ class DenseFactor:
     def __init__(self, matrix: SymmetricMatrix) -> None:
         array = matrix.dense().T
         self._factors, failed = lapack.dpotrf(array, lower=1)
-        self._pivots = None
+        self._pivots: NDArray[np.int32] | None = None
         self.negative_pivots = 0
         """Number of negative eigenvalues."""
         if not failed:
             return
-        self._factors, self._pivots, failed = lapack.dsytrf(array, lower=1)
+        self._factors, pivots, failed = lapack.dsytrf(array, lower=1)
         if failed:
             raise SingularMatrixError(f"pivot {failed} is zero")
-        self.negative_pivots = self._inertia()
+        self._pivots = pivots
+        self.negative_pivots = self._inertia(pivots)
 
-    def _inertia(self) -> int:
+    def _inertia(self, pivots: NDArray[np.int32]) -> int:
         """A pivot of two rows has one negative eigenvalue: where both are of one sign, single ones are chosen."""
-        d = self._factors.diagonal()
-        single = self._pivots > 0
+        d, single = self._factors.diagonal(), pivots > 0
         return int((d[single] < 0.0).sum() + (~single).sum() // 2)
 
     def solve(self, b: NDArray) -> NDArray:
