@@ -14,7 +14,6 @@ from femtune.files.records import ChannelColumn, read_record
 from femtune.identification.averaging import cross_spectra, no_lost_samples
 from femtune.identification.choice import CHOSEN_BY_USER, PickedPole, change_choice, has_candidate, pick_poles
 from femtune.identification.combine import Estimate, combine
-from femtune.identification.fdd import decompose
 from femtune.identification.harmonics import Line, find_lines, multiples, without_lines
 from femtune.identification.in_place import ON_SUSPENSION
 from femtune.identification.input_lines import judge_peaks
@@ -144,9 +143,9 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
 
 def _curve(ready: TimeSeries, asked: Operational) -> Curve:
     spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
-    level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
     inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
-    return Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
+    level = 10.0 * np.log10(np.maximum(np.linalg.eigvalsh(spectra.values[inside])[:, -1], 1e-300))
+    return Curve(spectra.freq_hz[inside], level - level.max(), "first singular value of the spectra")
 
 
 def _phase_notices(found: OperationalModes, labels: list[str], step_s: float) -> tuple[Notice, ...]:
