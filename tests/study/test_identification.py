@@ -77,6 +77,15 @@ def test_a_record_becomes_modes_that_a_study_can_read(record, tmp_path):
 
 
 @pytest.mark.slow
+def test_the_order_that_the_record_supports_is_stated(record, tmp_path):
+    made = identify(described(record, tmp_path, "sampling_hz = 50.0\nband_hz = [1.0, 12.0]"))
+    (said,) = [n for n in made.found.notices if n.code == "identify.order"]
+    check_shown("identify.order", said)
+    small = identify(described(record, tmp_path, "sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 4"))
+    check_shown("identify.order, larger", next(n for n in small.found.notices if n.code == "identify.order"))
+
+
+@pytest.mark.slow
 def test_fragments_give_means_and_their_scatter(record, tmp_path):
     text = 'sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 16\nfragments = 3\nmethods = ["ERA", "FDD"]'
     made = identify(described(record, tmp_path, text))

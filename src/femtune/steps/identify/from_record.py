@@ -32,6 +32,7 @@ from femtune.identification.operational import (
     segment_of,
 )
 from femtune.identification.record_checks import level_ratios
+from femtune.identification.ssi import supported_order
 from femtune.modal.shape_criteria import mac
 from femtune.steps.identify.choices import picked_poles
 from femtune.steps.identify.identified import Curve, Found
@@ -137,7 +138,8 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     labels = identified.modes.dofs.labels()
     phases = next((n for one in several.values() if (n := _phase_notices(one, labels, 1.0 / measured.even_hz))), ())
     identified = _unscaled(_judged(identified, measured), measured, levels)
-    notices = (*removed, *line_notices(lines), *phases, *identified.notices)
+    stated = _order_notices(several, asked) if table.fragments == 1 else ()
+    notices = (*removed, *line_notices(lines), *phases, *stated, *identified.notices)
     return _beside_lines(replace(identified, curve=curve, notices=notices), lines)
 
 
@@ -153,6 +155,17 @@ def _phase_notices(found: OperationalModes, labels: list[str], step_s: float) ->
     shapes = found.complex_shapes
     late = late_notices(shapes, found.modes.freq_hz, labels, step_s, counted=True)
     return late or quadrature_notices(shapes, labels)
+
+
+def _order_notices(several: dict[tuple[str, int], OperationalModes], asked: Operational) -> tuple[Notice, ...]:
+    """How many states the correlations hold by their scatter, where SSI-cov has found it."""
+    model = next((one.model for one in several.values() if one.model is not None), None)
+    if model is None:
+        return ()
+    order = supported_order(model)
+    if order is None:
+        return (Notice("identify.order/larger", level="info", largest=asked.largest_order),)
+    return (Notice("identify.order", level="info", order=order, largest=asked.largest_order),)
 
 
 def subtracted(record: TimeSeries, file: IdentifyFile) -> tuple[TimeSeries, tuple[Notice, ...]]:
