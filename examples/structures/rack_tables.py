@@ -1,7 +1,8 @@
 """The tables of a published update of an experiment rack: an orthogonal array of runs, and runs that check a surrogate.
 
 Source: "High-Accuracy Finite Element Model Updating a Framed Structure Based on Response Surface Method and Partition
-Modification", tables 2 to 6, A1(a) and A2(a), all of the solid model. Moduli in GPa, densities in kg/m³, frequencies in
+Modification", tables 2 to 6, A1(a) and A2(a) of the solid model, A1(b) and A2(b) of the mixed
+one. Moduli in GPa, densities in kg/m³, frequencies in
 Hz. X1: modulus of the beams outside their connections, X2: of everything but beams, X3: of the connected parts of the
 beams, X4: density of the beams, X5: of everything else. Tables A1 and A2 call X3 "E2", X2 "E3" and X5 "D1".
 """
@@ -95,3 +96,27 @@ F_VALUES = np.array(
     ]
 )
 """(5, 6) F with 2 and 7 degrees of freedom, recomputed from table 5 with another program."""
+MIXED_RUNS = np.array(
+    [
+        [72.15, 204.05, 81.15, BEAM_DENSITY, 7769.58],
+        [76.92, 216.94, 66.06, BEAM_DENSITY, 8525.61],
+        [56.30, 188.10, 79.29, BEAM_DENSITY, 7369.89],
+        [51.30, 169.12, 68.65, BEAM_DENSITY, 7336.70],
+        *FRESH_RUNS,
+    ]
+)
+"""(7, 5) runs of the mixed model: four of table A1(b), three of table A2(b)."""
+MIXED_FREQUENCIES = np.array(
+    [
+        [45.48, 70.46, 102.28, 123.10, 169.50, 192.58],
+        [42.51, 67.07, 96.35, 118.67, 160.61, 190.04],
+        [42.35, 67.39, 96.34, 120.20, 161.02, 192.95],
+        [40.75, 64.55, 92.54, 114.28, 154.21, 183.45],
+        [42.13, 65.62, 94.64, 115.09, 157.37, 182.14],
+        [47.81, 73.94, 107.47, 128.89, 177.86, 200.79],
+        [41.41, 65.81, 94.22, 116.98, 157.17, 187.94],
+    ]
+)
+MIXED_OPTIMUM = np.array([53.18, 169.27, 79.04, BEAM_DENSITY, 8140.0])
+"""(5,) the published values of the mixed model after its update."""
+MIXED_NAMES = ("A1(b) X1", "A1(b) X2", "A1(b) X149", "A1(b) X150", "A2(b) X1", "A2(b) X2", "A2(b) X3")

@@ -17,7 +17,7 @@ from femtune.steps.search.front import one_less_mac
 from femtune.steps.search.run import SearchResponses
 from femtune.study.study import read_study
 
-from .cantilever import EI, TRUE, Bench, measured
+from .cantilever import EI, TRUE, Bench, bounded, measured
 
 RESIDUALS = "\n[residuals]\nfrequency_sd = 0.01\n"
 SHAPES = "\n[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.05\n"
@@ -149,6 +149,16 @@ def test_alerts() -> None:
 FRONT = SHAPES + 'shape_form = "mac"\n' + SMALL + "front = 6\npopulation = 20\ngenerations = 25\n"
 
 
+MASS = "\n" + bounded("mass", "CONM2 9 M")
+STATED_MASS = """
+[[residual]]
+kind = "mass"
+mass = 9.0
+sd = 0.1
+"""
+THREE = "front = 6\nfront_objectives = 3\npopulation = 20\ngenerations = 15\n"
+
+
 def contradictory(beam: Bench) -> str:
     """A test whose shapes belong to a root 1.3 times as stiff as in the deck, its frequencies to one as in the deck."""
     one, other = measured(beam.truth()), measured(beam.truth(TRUE[1:]))
@@ -183,9 +193,44 @@ def test_a_front_between_what_the_frequencies_and_what_the_shapes_say(beam: Benc
     assert np.all(np.diff(whole[:, 2]) > 0.0)
     assert np.all(np.diff(whole[:, 3]) < 0.0)
     lines = table.read_text().splitlines()
-    assert lines[0] == "root,tip,frequency_error_squared,other_error"
-    np.testing.assert_allclose([[float(c) for c in line.split(",")] for line in lines[1:]], whole)
+    heads = "root,tip,frequency_error_squared,other_error,frequency_error_squared_model,other_error_model"
+    assert lines[0] == heads
+    cells = np.array([[float(c or "nan") for c in line.split(",")] for line in lines[1:]])
+    np.testing.assert_allclose(cells[:, :4], whole)
+    # those of the model stand beside the points that it confirmed
+    known = np.isfinite(cells[:, 4])
+    np.testing.assert_allclose(cells[known, 4:], np.column_stack([frequency, other]))
     assert "Frequencies against shapes" in (beam.folder / "page.html").read_text()
+
+
+@pytest.mark.slow
+def test_a_front_of_three_objectives(beam: Bench) -> None:
+    """Frequencies, shapes, and the weighed mass that contradicts them."""
+    path = beam.study(f"{contradictory(beam)}{MASS}{SHAPES}{STATED_MASS}{SMALL}{THREE}")
+    found = ft.search(path, csv=beam.folder / "front.csv", report=beam.folder / "page.html")
+    front = found.record.front
+    assert front is not None
+    assert (front.label, front.third_label) == (
+        "sum of squared errors of the shapes",
+        "sum of squared errors of the rest",
+    )
+    k = len(found.record.parameters)
+    values = found.front[:, k:]
+    assert values.shape[1] == 3
+    for one in values:
+        assert not ((values <= one).all(axis=1) & (values < one).any(axis=1)).any()
+    assert len(front.points) == 6
+    loaded = read_study(path)
+    problem = loaded.problem()
+    before = problem.start(np.zeros(k))
+    for point in front.points:
+        blocks = problem.follow(loaded.parameters.normalise(point.parameters), before).blocks
+        of = [np.sum([np.sum((b.values * b.sd) ** 2) for b in blocks if b.kind == kind]) for kind in
+              ("frequency", "shape")]  # fmt: skip
+        rest = np.sum([np.sum((b.values * b.sd) ** 2) for b in blocks if b.kind not in ("frequency", "shape")])
+        model = (point.frequency_model, point.other_model, point.third_model)
+        assert model == pytest.approx((*of, rest), rel=1e-6, abs=1e-12)
+    assert (beam.folder / "front.csv").read_text().splitlines()[0].endswith("third_error_model")
 
 
 @pytest.mark.slow
@@ -199,6 +244,7 @@ def test_a_front_between_what_the_frequencies_and_what_the_shapes_say(beam: Benc
             False,
             id="shapes and MAC",
         ),
+        pytest.param("search.front, third", SHAPES + SMALL + "front = 3\nfront_objectives = 3\n", False, id="no third"),
         pytest.param("search.front, csv", RESIDUALS + SMALL, True, id="table without a front"),
     ],
 )
@@ -306,3 +352,18 @@ def test_too_few_runs_are_refused_before_any_is_made(beam: Bench) -> None:
     assert caught.value.code == "search.too-few"
     assert caught.value.what.startswith("4 runs ")
     assert caught.value.what.endswith(" 8")
+
+
+@pytest.mark.slow
+def test_the_genetic_algorithm_of_a_study_and_other_samples(beam: Bench) -> None:
+    """Crossover and mutation reach the search; without either the first generation is all there is."""
+    text = EI + RESIDUALS + SMALL.replace("runs = 16\n", "") + 'sample = "central-composite"\nmethod = "genetic"\n'
+    still = ft.search(beam.study(text + "population = 20\ngenerations = 5\ncrossover = 0.0\nmutation = 0.0\n"))
+    assert still.record.surrogate is not None
+    # corners, axial points and the centre, then the fresh runs and the infill
+    assert still.record.surrogate.runs == 9 + 3 + 2
+    for seed in (0.0, 1.0):
+        values = still.history[still.history[:, 0] == seed, 2]
+        np.testing.assert_allclose(values, values[0], rtol=1e-9)
+    found = ft.search(beam.study(text + "population = 20\ncrossover = 0.8\nmutation = 0.005\n"))
+    assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)

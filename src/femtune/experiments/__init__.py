@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         nested_latin_hypercube,
         orthogonal_design,
         plackett_burman,
+        sample,
         sobol,
     )
     from femtune.experiments.indices import (
@@ -49,6 +50,7 @@ __all__ = [
     "orthogonal_array",
     "orthogonal_design",
     "plackett_burman",
+    "sample",
     "smallest_array",
     "sobol",
     "sobol_design",

@@ -15,6 +15,7 @@ import numpy as np
 from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.experiments.arrays import columns_for, hadamard, orthogonal_array, smallest_array
+from femtune.experiments.kinds import SampleWord
 
 _MOST_RUNS = 1_000_000
 """Runs of a full factorial at most: more could not be made."""
@@ -127,6 +128,25 @@ def nested_latin_hypercube(factors: int, first: int, times: int, seed: int = 0) 
         others = rng.permutation(np.setdiff1d(np.arange(runs), chosen))
         columns.append((np.concatenate([chosen, others]) + rng.random(runs)) / runs)
     return Design("nested Latin hypercube", np.stack(columns, axis=1))
+
+
+def sample(word: SampleWord, factors: int, runs: int, seed: int = 0) -> Design:
+    """The design of a word, with so many runs; a nested one has one more where the number is odd.
+
+    Raises
+    ------
+    FemtuneError : ``design.too-many`` for a central composite design of many factors
+
+    Examples
+    --------
+    >>> sample("central-composite", 3, 10).points.shape
+    (15, 3)
+    """
+    if word == "central-composite":
+        return central_composite(factors)
+    if word == "nested-latin-hypercube":
+        return nested_latin_hypercube(factors, (runs + 1) // 2, 2, seed)
+    return sobol(factors, runs, seed) if word == "sobol" else latin_hypercube(factors, runs, seed)
 
 
 def sobol(factors: int, runs: int, seed: int = 0) -> Design:

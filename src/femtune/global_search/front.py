@@ -32,14 +32,26 @@ class Front:
     evaluations: int
 
     def spread(self, count: int) -> Integers:
-        """Positions of at most so many points at even distances along the front, with its ends."""
+        """Positions of at most so many points at even distances along the front, with its ends.
+
+        On a surface of three and more objectives each next point is the one that is farthest from those before.
+        """
         if count >= len(self.x):
             return np.arange(len(self.x))
         edges = np.ptp(self.values, axis=0)
+        if self.values.shape[1] > 2:
+            return self._apart(count, self.values / np.where(edges > 0.0, edges, 1.0))
         steps = np.diff(self.values, axis=0) / np.where(edges > 0.0, edges, 1.0)
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
         wanted = np.linspace(0.0, along[-1], count)
         return np.unique(np.abs(along[:, None] - wanted).argmin(axis=0))
+
+    def _apart(self, count: int, places: Reals) -> Integers:
+        chosen = list(dict.fromkeys(places.argmin(axis=0).tolist()))[:count]
+        while len(chosen) < count:
+            distance = np.linalg.norm(places[:, None] - places[chosen], axis=2).min(axis=1)
+            chosen.append(int(distance.argmax()))
+        return np.array(sorted(set(chosen)))
 
 
 def front_of(objectives: Objective, lower: Reals, upper: Reals, rules: SearchRules | None = None) -> Front:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Complexes
 from femtune.errors import FemtuneError, Notice, with_notices
+from femtune.identification.beyond_band import system_beyond
 from femtune.identification.choice import (
     CHOSEN_BY_USER,
     Candidate,
@@ -45,7 +46,7 @@ from femtune.identification.shapes import (
     without_noise,
 )
 from femtune.identification.significance import without_poles_of_noise
-from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
+from femtune.identification.state_space_fit import SystemFit
 from femtune.identification.whole_record import WholeRecord, binned, coherence_of_fit
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 from femtune.modal.frf_set import KINDS
@@ -67,7 +68,7 @@ class InputKnown:
     take, drop : frequencies in Hz of candidates that are accepted as modes, or rejected, regardless of the rule
     picked : poles that are the modes, in place of all that the rule chooses; none where empty
     rigid : mass-normalised rigid-body modes whose motion is taken away first and put back into the system
-    low, high : residual modes below and above the band that the system gets
+    low, high : residual modes below and above the band that the system gets; None: as many as the functions want
     reciprocal : whether the system is reciprocal
     real : real shapes
     exponential_s : time constant τ of an exponential window e^{−t/τ} with which the functions were made. They are those
@@ -87,8 +88,8 @@ class InputKnown:
     drop: tuple[float, ...] = ()
     picked: tuple[PickedPole, ...] = ()
     rigid: ModeSet | None = None
-    low: int = 1
-    high: int = 2
+    low: int | None = None
+    high: int | None = None
     reciprocal: bool = False
     real: bool = True
     exponential_s: float | None = None
@@ -320,8 +321,7 @@ def terms_outside(asked: InputKnown) -> tuple[str, ...]:
 
 
 def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: InputKnown) -> SystemFit:
-    poles = np.concatenate([fit.poles, residual_poles(band, asked.low, asked.high)])
-    return system_fit(elastic, poles, reciprocal=asked.reciprocal)
+    return system_beyond(elastic, fit.poles, band, asked.low, asked.high, reciprocal=asked.reciprocal)
 
 
 def _ends(fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:

@@ -47,6 +47,8 @@ _MOST_TRIALS = 8
 """Points at which the likelihood is computed until it is smaller by one half."""
 _FOLDS = 5
 """Parts of the runs that are predicted from the others, each of which costs a fit."""
+_NARROWEST = 0.9
+"""Smallest factor: chance makes it smaller for a few of many responses."""
 _RIGHT_RUNS = 10
 """Number of runs with the right standard deviation that the factor of widening is averaged with."""
 _MOST_STEPS = 100
@@ -313,7 +315,7 @@ def _widened(likelihood: RestrictedLikelihood, best: Reals, low: Reals, high: Re
         spread = np.maximum(fit.spread(u[out]), np.finfo(float).tiny)
         ratio[out] = np.abs(fit.value(u[out]) - y[out]) / (spread * stdtrit(fit.freedom, 0.95))
     factor = float(np.quantile(ratio, 0.9))
-    return float(np.sqrt((_RIGHT_RUNS + n * factor**2) / (_RIGHT_RUNS + n)))
+    return max(_NARROWEST, float(np.sqrt((_RIGHT_RUNS + n * factor**2) / (_RIGHT_RUNS + n))))
 
 
 def _plausible(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from femtune.errors import FemtuneError
+from femtune.experiments.kinds import SampleWord
 from femtune.files.study_file.kinds import Seed, TomlTable
 from femtune.files.study_file.source import StudyLines, table
 from femtune.global_search.kinds import SearchWord
@@ -21,6 +22,9 @@ class SearchTable(TomlTable):
     """Search on a `"surrogate"` of the residuals, or on the `"model"` itself. Example: `"model"`"""
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
     """Runs of the model for the surrogate, at points of a Latin hypercube. Default: ten per parameter. Example: `60`"""
+    sample: SampleWord = "latin-hypercube"
+    """Points of these runs: `"latin-hypercube"`, `"nested-latin-hypercube"` (whose first half is a Latin hypercube
+    itself), `"sobol"` (a sequence), or `"central-composite"` (`runs` does not apply). Example: `"sobol"`"""
     fresh_runs: Annotated[int, Field(ge=0, le=10_000)] = 5
     """Further runs that check the surrogate before they are added to it. Example: `10`"""
     infill: Annotated[int, Field(ge=0, le=10_000)] = 5
@@ -52,11 +56,19 @@ class SearchTable(TomlTable):
     """Points of a generation. Example: `100`"""
     generations: Annotated[int, Field(ge=1, le=100_000)] = 300
     """Largest number of generations. Example: `50`"""
+    crossover: Annotated[float, Field(ge=0, le=1)] | None = None
+    """Of `"genetic"` and of the front: probability that two points are crossed. Default: 0.9. Example: `0.8`"""
+    mutation: Annotated[float, Field(ge=0, le=1)] | None = None
+    """Of `"genetic"` and of the front: probability that a parameter of a point is changed. Default: one over the number
+    of parameters. Example: `0.005`"""
     seeds: Annotated[int, Field(ge=1, le=1000)] = 3
     """Number of searches, each from another seed. Example: `20`"""
     front: Annotated[int, Field(ge=0, le=1000)] = 0
     """Number of points of the front of frequency errors against other errors that are shown and confirmed by a run of
     the model; 0: no front. Example: `10`"""
+    front_objectives: Literal[2, 3] = 2
+    """Objectives of the front: 2: errors of frequencies, and of all else that is compared; 3: of frequencies, of shapes
+    (1 − MAC where the study has MAC residuals), and of the rest. Example: `3`"""
     seed: Seed = 0
     """The first seed, of the searches and of the Latin hypercube. Example: `7`"""
 
@@ -78,6 +90,8 @@ def search_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneEr
         yield source.error(("search", "infill_until"), "search.infill", {"infill_until": search["infill_until"]})
     if "infill_by" in search and search.get("on") == "model":
         yield source.error(("search", "infill_by"), "search.infill/model", {"infill_by": search["infill_by"]})
+    if "runs" in search and search.get("sample") == "central-composite":
+        yield source.error(("search", "runs"), "search.surrogate/composite", {"runs": search["runs"]})
     surrogate = search.get("surrogate", "kriging")
     for key, methods in _SURROGATES_OF_KEYS.items():
         if key in search and surrogate not in methods:

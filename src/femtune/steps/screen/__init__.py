@@ -16,7 +16,7 @@ STEP = Step(
         ),
         params=(
             STUDY,
-            click.Option(["--design"], metavar="NAME", help="orthogonal, factorial, plackett-burman, morris or sobol."),
+            click.Option(["--design"], metavar="NAME", help="orthogonal, factorial, plackett-burman, morris, …"),
             click.Option(
                 ["--array"], metavar="NAME", help='Orthogonal array: "L18", "L16 4^5" …; the smallest by default.'
             ),

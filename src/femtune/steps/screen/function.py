@@ -41,7 +41,7 @@ def screen(
     jobs : maximum number of parallel runs; overrides [parallel]
     progress : receives progress reports
     options : keys of [screen] that replace those of the study: ``design``, ``array``, ``levels``, ``trajectories``,
-        ``points``, ``on``, ``runs``, ``seed``, ``configuration``
+        ``points``, ``on``, ``runs``, ``sample``, ``responses``, ``seed``, ``configuration``
 
     Raises
     ------

@@ -15,11 +15,11 @@ from femtune.experiments import (
     Design,
     elementary_effects,
     full_factorial,
-    latin_hypercube,
     main_effects,
     morris_design,
     orthogonal_design,
     plackett_burman,
+    sample,
     sobol_design,
     variance_indices,
 )
@@ -113,12 +113,12 @@ class ScreenMethod(Protocol):
         """Of the frequencies (runs, m) of the runs in Hz; NaN where a run failed."""
 
 
-def method_of_screen(table: ScreenTable, parameters: int) -> ScreenMethod:
-    """The method that a table asks for (errors ``design.*``)."""
+def method_of_screen(table: ScreenTable, names: Sequence[str]) -> ScreenMethod:
+    """The method that a table asks for, for these parameters (errors ``design.*``)."""
+    parameters = len(names)
     if table.design == "morris":
-        return _Morris(
-            morris_design(parameters, table.trajectories, table.levels or _DEFAULT_MORRIS_LEVELS, table.seed)
-        )
+        levels = table.levels if isinstance(table.levels, int) else _DEFAULT_MORRIS_LEVELS
+        return _Morris(morris_design(parameters, table.trajectories, levels, table.seed))
     if table.design == "sobol":
         design = sobol_design(parameters, table.points, table.seed)
         if table.on == "model":
@@ -126,14 +126,24 @@ def method_of_screen(table: ScreenTable, parameters: int) -> ScreenMethod:
         return _SobolOfSurrogate(
             design,
             table.seed,
-            latin_hypercube(parameters, table.runs or _DEFAULT_RUNS_PER_PARAMETER * parameters, table.seed),
+            sample(table.sample, parameters, table.runs or _DEFAULT_RUNS_PER_PARAMETER * parameters, table.seed),
         )
     if table.design == "plackett-burman":
         return _ByLevels(plackett_burman(parameters))
-    counts = [table.levels or _DEFAULT_LEVELS] * parameters
+    counts = [table.levels if isinstance(table.levels, int) else _DEFAULT_LEVELS] * parameters
+    if isinstance(table.levels, dict):
+        counts = [table.levels.get(name, _DEFAULT_LEVELS) for name in names]
     if table.design == "factorial":
         return _ByLevels(full_factorial(counts))
     return _ByLevels(orthogonal_design(counts, table.array))
+
+
+def method_of_table(values: Reals) -> ScreenMethod:
+    """Main effects of finished runs (runs, n), by the values of each parameter that occur in them."""
+    columns = [np.unique(column, return_inverse=True)[1] for column in values.T]
+    edges = np.ptp(values, axis=0)
+    points = (values - values.min(axis=0)) / np.where(edges > 0.0, edges, 1.0)
+    return _ByLevels(Design("finished runs", points, np.stack(columns, axis=1)))
 
 
 @dataclass(frozen=True, eq=False)

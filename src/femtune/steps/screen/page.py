@@ -28,6 +28,8 @@ def _of(source: ReportSource) -> ScreenResults:
 
 
 def _label(screening: ScreenResults, mode: ScreenedMode) -> str:
+    if mode.response:
+        return mode.response
     several = len({m.configuration for m in screening.modes}) > 1
     return f"{mode.configuration} {mode.mode}" if several else str(mode.mode)
 

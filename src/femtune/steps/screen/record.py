@@ -34,7 +34,11 @@ class ScreenedMode(Record):
     """Part of the variation that main effects do not explain, from 0 to 1; of a surrogate, the part that it does not
     predict in runs that are left out. None for elementary effects and for indices of the model itself."""
     least_mac: float
-    """Smallest MAC, weighted by mass, between the shape at the initial values and the one that was followed."""
+    """Smallest MAC, weighted by mass, between the shape at the initial values and the one that was followed; 1 in a
+    table of finished runs, whose modes are its columns."""
+    response: str = ""
+    """Name of the column of a table of finished runs that is no frequency: its values, means and ranges have its unit
+    in place of Hz, and `mode` counts on after the frequencies. "" for a natural frequency."""
 
 
 class MainEffect(Record):
@@ -109,8 +113,8 @@ class ScreenResults(Record):
     """Designed runs, and the effects of the parameters on the natural frequencies."""
 
     design: str
-    """The design: "L18", "full factorial", "Plackett-Burman 12", "Morris, 10 trajectories", "Sobol's indices by 1024
-    points of Kriging"."""
+    """The design: "L18", "full factorial", "Plackett-Burman 12", "finished runs", "Morris, 10 trajectories", "Sobol's
+    indices by 1024 points of Kriging"."""
     runs: int
     """Number of runs."""
     failed: tuple[FailedModelRun, ...]

@@ -9,13 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femtune.arrays import Reals
-from femtune.errors import FemtuneError
+from femtune.arrays import Flags, Reals
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.runs_table import read_runs_table
 from femtune.files.study_file import with_screen
 from femtune.steps.held_folder import held_for_solver
 from femtune.steps.respond.run import check_places
 from femtune.steps.results import Results
-from femtune.steps.screen.methods import Findings, ResponseLabels, ScreenMethod, method_of_screen
+from femtune.steps.screen.methods import (
+    Findings,
+    ResponseLabels,
+    ScreenMethod,
+    method_of_screen,
+    method_of_table,
+)
 from femtune.steps.screen.record import FailedModelRun, ScreenedMode, ScreenedParameter, ScreenResults
 from femtune.steps.screen.result import ScreenResult
 from femtune.steps.select.run import check_parameters
@@ -25,6 +32,7 @@ from femtune.study.csv_table import write_csv
 from femtune.study.error_places import errors_at
 from femtune.study.executor import check_executor, executor_of, with_jobs
 from femtune.study.model_runs import FrequencyRuns, ModelRun, alone, failures, followed_modes, runs_at
+from femtune.study.model_source import FromRuns
 from femtune.study.progress import silent
 from femtune.study.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.study.record import alert
@@ -32,7 +40,7 @@ from femtune.study.solutions import looking_up
 from femtune.study.study import load_study
 
 if TYPE_CHECKING:
-    from femtune.files.study_file import StudyFile
+    from femtune.files.study_file import ScreenTable, StudyFile
     from femtune.study.external import SolverRuns
     from femtune.study.progress import Progress
     from femtune.study.record import Alert
@@ -76,7 +84,7 @@ def screen_parameters(
             assert asked is not None
             study = alone(study, asked.configuration)
             with errors_at(file.where("screen")):
-                method = method_of_screen(asked, len(study.parameters.free))
+                method = _method(asked, study)
             if table is not None:
                 check_places(study, [table], None)
             check_executor(study, progress)
@@ -86,7 +94,12 @@ def screen_parameters(
             looking_up(study, fresh) as looked_up,
             opened_solver(looked_up.study, progress) as solver,
         ):
-            runs = _Runs.of(looked_up.study, method, progress, solver)
+            runs: _Runs | _Finished
+            if method is None:
+                with errors_at(file.where("screen")):
+                    runs = finished_runs(looked_up.study, asked.responses)
+            else:
+                runs = _Runs.of(looked_up.study, method, progress, solver)
             with errors_at(file.where("screen")):
                 record = runs.record()
         arrays = {"screen_runs": runs.table}
@@ -96,10 +109,104 @@ def screen_parameters(
         provenance=provenance(inputs, watch),
         study=study_facts(study),
         screen=record,
-        citations=citations(method.papers),
+        citations=citations(runs.method.papers),
         alerts=record.alerts,
     )
     return ScreenResult(record, results, arrays, tuple(looked_up.remarks), () if table is None else (table,))
+
+
+def _method(asked: ScreenTable, study: Study) -> ScreenMethod | None:
+    """The method of the runs to be made; None for finished ones (errors ``screen.design``, ``design.*``)."""
+    names = [p.name for p in study.parameters.free]
+    if asked.design == "table":
+        if study.file.runs is None:
+            raise FemtuneError("screen.design/table")
+        return None
+    unknown = [name for name in asked.levels if name not in names] if isinstance(asked.levels, dict) else []
+    if unknown:
+        raise FemtuneError("screen.design/parameter", hint=did_you_mean(unknown[0], names), name=unknown[0])
+    return method_of_screen(asked, names)
+
+
+def finished_runs(study: Study, responses: Sequence[str]) -> _Finished:
+    """The table of [runs] of the first configuration, analysed as it is.
+
+    Raises
+    ------
+    FemtuneError : ``screen.no-response``, ``screen.all-failed``, ``runs.*``
+    """
+    case = study.cases[0]
+    entry = next(e for e in study.file.configurations if e.name == case.name)
+    table = read_runs_table(study.file.path_of(str(FromRuns(study.file).input_of(entry))))
+    names = [p.name for p in study.parameters.free]
+    others = [name for name in table.columns if name not in names]
+    unknown = [name for name in responses if name not in others]
+    if unknown:
+        hint = did_you_mean(unknown[0], others)
+        raise FemtuneError("screen.no-response", hint=hint, name=unknown[0], known=", ".join(others) or "none")
+    points = table.points(names)
+    values = np.column_stack([table.freq_hz, *(table.columns[name] for name in responses)])
+    good = np.isfinite(values).all(axis=1) & np.isfinite(points).all(axis=1)
+    if not good.any():
+        raise FemtuneError("screen.all-failed", runs=len(values), reason="no run has all values")
+    return _Finished(study, method_of_table(points[good]), points, values, good, case.name, tuple(responses))
+
+
+@dataclass(frozen=True, eq=False)
+class _Finished:
+    """Finished runs: points (runs, k) in their units, values (runs, m), and the runs that have all of them."""
+
+    study: Study
+    method: ScreenMethod
+    points: Reals
+    values: Reals
+    good: Flags
+    case: str
+    responses: tuple[str, ...]
+
+    @property
+    def labels(self) -> list[str]:
+        """Names of the values."""
+        hz = self.values.shape[1] - len(self.responses)
+        return [*(f"{self.case}, mode {j + 1}, Hz" for j in range(hz)), *self.responses]
+
+    @property
+    def table(self) -> Reals:
+        """(runs, parameters + values)."""
+        return np.hstack([self.points, self.values])
+
+    def record(self) -> ScreenResults:
+        """Effects on all values."""
+        free, values = self.study.parameters.free, self.values[self.good]
+        places = [(self.case, j + 1) for j in range(values.shape[1])]
+        findings = self.method.findings(values, ResponseLabels(tuple(p.name for p in free), tuple(places)))
+        hz = values.shape[1] - len(self.responses)
+        near = np.abs((self.points[self.good] - [p.nominal for p in free]) / [p.upper - p.lower for p in free])
+        first = values[int(near.sum(axis=1).argmin())]
+        modes = tuple(
+            ScreenedMode(
+                configuration=self.case, mode=j + 1, freq_hz=float(first[j]), mean_hz=float(values[:, j].mean()),
+                error_contribution=None if findings.unexplained is None else float(findings.unexplained[j]),
+                least_mac=1.0, response=self.responses[j - hz] if j >= hz else "",
+            )
+            for j in range(values.shape[1])
+        )  # fmt: skip
+        failed = tuple(FailedModelRun(run=int(i) + 1, reason="a value is missing") for i in np.flatnonzero(~self.good))
+        alerts = list(findings.alerts)
+        if failed:
+            listed = ", ".join(str(f.run) for f in failed[:_MOST_NAMED])
+            alerts.insert(
+                0, alert("warning", "screen.failed-runs", count=len(failed), runs=listed, reason=failed[0].reason)
+            )
+        return ScreenResults(
+            design=self.method.name, runs=len(self.values), failed=failed, error_freedom=findings.error_freedom,
+            parameters=tuple(
+                ScreenedParameter(name=p.name, unit=p.unit, values=tuple(np.unique(self.points[self.good, i]).tolist()))
+                for i, p in enumerate(free)
+            ),
+            modes=modes, effects=findings.effects, table_key="screen_runs", sentences=findings.sentences,
+            alerts=tuple(alerts),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,9 +108,13 @@ def search_front(source: ReportSource) -> list[Block]:
     front = _of(source).front
     if front is None:
         return []
-    whole = source.arrays[front.front_key][:, -2:]
+    first = len(_of(source).parameters)
+    whole = source.arrays[front.front_key][:, first : first + 2]
     confirmed = [(p.frequency_model, p.other_model) for p in front.points]
     known = [(f, o) for f, o in confirmed if f is not None and o is not None]
+    if front.third_label:
+        # of a surface, its points are drawn by those that the model has confirmed
+        return [front_table(_of(source))]
     caption = (
         f"Sum of squared relative errors of the frequencies against the {front.label}. Line: front on the "
         f"{_of(source).on}. Dots: the model at points of the front. Cross: initial values."
@@ -124,17 +128,19 @@ def search_front(source: ReportSource) -> list[Block]:
 def front_table(search: GlobalSearchResults) -> Table:
     """A line each point of the front that the model has confirmed."""
     assert search.front is not None
+    third = search.front.third_label
     heads = columns(
-        *(f">{p.name}" for p in search.parameters), ">Frequencies", ">model", f">{search.front.label}", ">model"
-    )
+        *(f">{p.name}" for p in search.parameters), ">Frequencies", ">model", f">{search.front.label}", ">model",
+        *((f">{third}", ">model") if third else ()),
+    )  # fmt: skip
     rows = tuple(
         row(
             *map(value, p.parameters), short(p.frequency), _or_none(p.frequency_model), short(p.other),
-            _or_none(p.other_model),
+            _or_none(p.other_model), *((_or_none(p.third), _or_none(p.third_model)) if third else ()),
         )
         for p in search.front.points
     )  # fmt: skip
-    note = "Frequencies: sum of the squared relative errors. Both errors on what was searched, and of the model there."
+    note = "Frequencies: sum of the squared relative errors. All errors on what was searched, and of the model there."
     return Table("", heads, rows, note)
 
 

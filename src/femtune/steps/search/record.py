@@ -98,13 +98,17 @@ class FrontPoint(Record):
     """The first objective of the model at this point; None if that run failed."""
     other_model: float | None
     """The second objective of the model at this point."""
+    third: float | None = None
+    """The third objective, on what was searched; None without one."""
+    third_model: float | None = None
+    """The third objective of the model at this point."""
 
 
 class FrontResults(Record):
-    """The front: points that no point of the search is better than in both objectives."""
+    """The front: points that no point of the search is better than in all objectives."""
 
     label: str
-    """The second objective: "sum of 1 − MAC", or "sum of squared errors of the rest"."""
+    """The second objective: "sum of 1 − MAC", "sum of squared errors of the shapes" or "… of the rest"."""
     initial_frequency: float
     """The first objective at the initial values."""
     initial_other: float
@@ -114,7 +118,14 @@ class FrontResults(Record):
     evaluations: int
     """Evaluations of the objectives, of the surrogate or of the model."""
     front_key: str
-    """Key of the whole front, shape (points, parameters + 2): values of the parameters, and both objectives."""
+    """Key of the whole front, shape (points, parameters + objectives): values of the parameters, and the objectives."""
+    model_key: str = ""
+    """Key of the objectives of the model at the points of the front, shape (points, objectives); NaN where no run was
+    made."""
+    third_label: str = ""
+    """The third objective; "" without one."""
+    initial_third: float | None = None
+    """The third objective at the initial values."""
 
 
 class GlobalSearchResults(Record):

@@ -57,8 +57,8 @@ class SearchResult(ResultWithPage):
 
     @property
     def front(self) -> NDArray[np.float64]:
-        """(points, parameters + 2) front: values of the free parameters, frequency errors, other errors; (0, …) without
-        one."""
+        """(points, parameters + objectives) front: values of the free parameters, frequency errors, other errors (and
+        the third objective, if asked for); (0, …) without one."""
         if self.record.front is None:
             return np.zeros((0, len(self.record.parameters) + 2))
         return self.arrays[self.record.front.front_key]

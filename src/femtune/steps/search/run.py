@@ -12,7 +12,7 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.experiments import VarianceIndices, latin_hypercube
+from femtune.experiments import VarianceIndices, latin_hypercube, sample
 from femtune.files.study_file import with_search
 from femtune.global_search import Front, GlobalMinimum, SearchRules, front_of, global_minimum, surrogate_minimum
 from femtune.global_search.kinds import METHODS
@@ -91,7 +91,7 @@ _SAME_POINT = 1e-3
 
 It is above the accuracy with which a search ends.
 """
-_FRONT = "search_front"
+_FRONT, _FRONT_MODEL = "search_front", "search_front_model"
 _WRONG_SURROGATE = 1.0
 """Difference of χ² between surrogate and model, relative to 1 + χ² of the model, above which an alert says that the
 surrogate is wrong.
@@ -147,8 +147,9 @@ def search_minimum(
             with watch.step("least squares"):
                 record = search.record(ended, arrays)
         if table_of_front is not None:
-            heads = [*(p.name for p in record.parameters), "frequency_error_squared", "other_error"]
-            write_csv(table_of_front, heads, arrays[_FRONT])
+            objectives = ["frequency_error_squared", "other_error", "third_error"][: table.front_objectives]
+            heads = [*(p.name for p in record.parameters), *objectives, *(f"{name}_model" for name in objectives)]
+            write_csv(table_of_front, heads, np.hstack([arrays[_FRONT], arrays[_FRONT_MODEL]]))
     results = Results(
         provenance=provenance(inputs, watch),
         study=study_facts(study),
@@ -216,9 +217,9 @@ class _Search:
 
     @cached_property
     def parts(self) -> ErrorParts:
-        """The two objectives of the front (errors ``search.front``)."""
+        """The objectives of the front (errors ``search.front``)."""
         with errors_at(self.study.file.where("search", "front")):
-            return ErrorParts.of(self.work.problem, self.work.before)
+            return ErrorParts.of(self.work.problem, self.work.before, self.table.front_objectives)
 
     @property
     def bounds(self) -> tuple[Reals, Reals]:
@@ -229,7 +230,11 @@ class _Search:
     def rules(self) -> SearchRules:
         """Of the global search."""
         table = self.table
-        return SearchRules(table.method, table.population, table.generations, seed=table.seed)
+        crossover = SearchRules.crossover if table.crossover is None else table.crossover
+        return SearchRules(
+            table.method, table.population, table.generations, crossover=crossover, mutation=table.mutation,
+            seed=table.seed,
+        )  # fmt: skip
 
     def run(self, points: Reals, what: str) -> Reals:
         """(n, m) residuals at points (n, k), NaN where a run failed."""
@@ -245,8 +250,7 @@ class _Search:
 
         searches = []
         for seed in range(self.table.seed, self.table.seed + self.table.seeds):
-            rules = SearchRules(self.table.method, self.table.population, self.table.generations, seed=seed)
-            searches.append(global_minimum(objective, *self.bounds, rules))
+            searches.append(global_minimum(objective, *self.bounds, replace(self.rules, seed=seed)))
         if not np.isfinite(searches[0].value):
             raise FemtuneError("search.all-failed", runs=len(self.runs), reason=self.runs[0].problem)
         front = self._front(lambda points: self.run(points, "runs of a generation of the front"))
@@ -322,12 +326,12 @@ class _Search:
         return where_wrong(surrogate, min(_RUNS_PER_FIT, left), table.seed + made)
 
     def _designed(self, wanted: int) -> tuple[Reals, Reals]:
-        """Points of a Latin hypercube and their residuals; as many further ones as runs failed."""
+        """Points of the sample and their residuals; as many further ones, of a Latin hypercube, as runs failed."""
         lower, upper = self.bounds
-        x = lower + latin_hypercube(len(lower), wanted, self.table.seed).points * (upper - lower)
+        x = lower + sample(self.table.sample, len(lower), wanted, self.table.seed).points * (upper - lower)
         r = self.run(x, "runs for the surrogate")
         failed = int(np.isnan(r).any(axis=1).sum())
-        if not 0 < failed < wanted:
+        if not 0 < failed < len(x):
             return x, r
         more = lower + latin_hypercube(len(lower), failed, self.table.seed + 2).points * (upper - lower)
         return np.vstack([x, more]), np.vstack([r, self.run(more, "runs in the place of those that failed")])
@@ -411,11 +415,17 @@ class _Search:
         on_model = front.values[chosen]
         if self.table.on == "surrogate" and len(chosen):
             on_model = self.parts(self.run(front.x[chosen], "the model on the front"))
+        arrays[_FRONT_MODEL] = np.full(front.values.shape, np.nan)
+        arrays[_FRONT_MODEL][chosen] = on_model
         initial = self.parts(self.work.before.residuals)
+        three = front.values.shape[1] == 3
         return FrontResults(
             label=self.parts.label,
+            third_label=self.parts.third_label,
             initial_frequency=float(initial[0]),
             initial_other=float(initial[1]),
+            initial_third=float(initial[2]) if three else None,
+            model_key=_FRONT_MODEL,
             points=tuple(
                 FrontPoint(
                     parameters=tuple(map(float, values[i])),
@@ -423,6 +433,8 @@ class _Search:
                     other=float(front.values[i, 1]),
                     frequency_model=_finite(pair[0]),
                     other_model=_finite(pair[1]),
+                    third=float(front.values[i, 2]) if three else None,
+                    third_model=_finite(pair[2]) if three else None,
                 )
                 for i, pair in zip(chosen, on_model, strict=True)
             ),
