@@ -51,7 +51,6 @@ if TYPE_CHECKING:
 
     from femtune.document.document import Block, Level
     from femtune.modal import ModeSet
-    from femtune.steps.identify.identified import Found
     from femtune.steps.identify.record import IdentifiedMode, LevelFunctions, LevelMode, LevelTrend, LinearityResults
     from femtune.steps.identify.result import IdentifyResult
     from femtune.testdata import WireFrame
@@ -365,7 +364,7 @@ def _fit(made: IdentifyResult) -> Iterator[Block]:
         "synthesis contains the modes and residual terms for the modes outside the band. Check the sensors of "
         "functions with a poor fit."
     )
-    yield from _coherence(identified)
+    yield from _coherence(made)
     panels = tuple(_panel(made, i, j) for i, j in _functions_to_show(identified.misfit_percent))
     caption = "Wide line: measured. Narrow line: synthesised from the identified modes. The poorest fits come last."
     yield Figure(partial(frfs_svg, panels), caption, "Measured and synthesised functions", wide=True)
@@ -375,9 +374,9 @@ POOR_COHERENCE = 0.9
 """Coherence below which a line is counted as poor: noise has a ninth of the power then."""
 
 
-def _coherence(identified: Found) -> Iterator[Block]:
+def _coherence(made: IdentifyResult) -> Iterator[Block]:
     """What the coherence of the measured functions is, and what it is computed from."""
-    measured = identified.measured
+    measured = made.found.measured
     if measured is None or measured.coherence is None or not np.isfinite(measured.coherence).any():
         return
     poor = 100.0 * float(np.mean(measured.coherence[np.isfinite(measured.coherence)] < POOR_COHERENCE))
@@ -387,7 +386,7 @@ def _coherence(identified: Found) -> Iterator[Block]:
     source = (
         " It is the share of the power of a response that the identified modes explain, since a record that is fitted "
         "as a whole has no averages."
-        if identified.of_whole_record
+        if made.found.of_whole_record
         else ""
     )
     yield Paragraph(
