@@ -247,6 +247,21 @@ class LiveRegionView:
     rows: tuple[float, ...]
     offset: tuple[float, ...]
     limit: float
+    centre: tuple[float, ...]
+    precision: tuple[float, ...]
+    radius_square: float
+
+
+@dataclass(frozen=True)
+class LiveDrawsView:
+    """Values of the parameters from which the page chooses; see `LiveDraws` of the results."""
+
+    source: str
+    x: Packed
+    linear: tuple[float, ...] | None
+    degrees: float | None
+    factors: dict[str, float]
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -277,11 +292,13 @@ class LivePartView:
 
 @dataclass(frozen=True)
 class LiveCertificateView:
-    """Largest errors at some points: of frequencies in %, of MACs."""
+    """Largest errors at some points: of frequencies in %, of MACs; `reduced_percent` is the error of the reduced model
+    that the live one was compared with, None where it was compared with the full one."""
 
     points: int
     frequency_percent: float
     mac: float | None
+    reduced_percent: float | None
 
 
 @dataclass(frozen=True)
@@ -309,8 +326,11 @@ class LiveConfigurationView:
     test_labels: tuple[str, ...]
     test_freq_hz: tuple[float, ...]
     test_shapes: Packed
-    pairs: tuple[tuple[int, int], ...]
-    """Positions of test mode and mode of the updated model."""
+    sensor_labels: tuple[str, ...]
+    mass_points: tuple[str, ...]
+    mass_rows: Packed | None
+    pairs: tuple[tuple[int, int, tuple[int, ...]], ...]
+    """Positions of test mode and mode of the updated model, and of all modes that span the motion."""
     parts: tuple[LivePartView, ...]
     region: LiveCertificateView | None
     bounds: LiveCertificateView
@@ -330,8 +350,10 @@ class LiveView:
     """A model that the reader changes."""
 
     parameters: tuple[LiveParameterView, ...]
+    mass_unit: str
     x: tuple[float, ...]
     region: LiveRegionView | None
+    draws: LiveDrawsView | None
     configurations: tuple[LiveConfigurationView, ...]
     others: tuple[LiveOtherView, ...]
 

@@ -41,6 +41,39 @@ class LiveRegion(Record):
     """Key of b (m,)."""
     limit: float
     """Value of |A (x − x̂) + b|² that 95 % of the distribution within the bounds are below."""
+    centre_key: str
+    """Key of the middle of the region (moving,), normalised."""
+    precision_key: str
+    """Key of H (moving, moving): the region is (x − centre)ᵀH(x − centre) at most `radius_square`, and the bounds."""
+    radius_square: float
+    """Limit of that form."""
+
+
+class LiveFactor(Record):
+    """Actual over stated standard deviation with which the residuals of a kind count."""
+
+    kind: str
+    """Label of the kind of residual."""
+    factor: float
+    """The factor."""
+
+
+class LiveDraws(Record):
+    """Values of the parameters from which a page chooses models that the data allow."""
+
+    source: Literal["posterior", "linear"]
+    """"posterior": samples that have equal weights. "linear": samples of the linearised distribution, which the page
+    weighs by the true χ²."""
+    x_key: str
+    """Key of the values (n, k), normalised."""
+    linear_key: str | None = None
+    """Key of |A (x − x̂) + b|² at each (n,); None for samples of equal weights."""
+    degrees: float | None = None
+    """Degrees of freedom of the linearised distribution; None for a normal one."""
+    factors: tuple[LiveFactor, ...] = ()
+    """Factors on the stated standard deviations; kinds that count as stated are not in it."""
+    reason: str = ""
+    """Why samples of the linearised distribution are not weighed; "" where they are."""
 
 
 class LiveTermRecord(Record):
@@ -63,8 +96,10 @@ class LivePair(Record):
 
     test: int
     """Position of the test mode."""
+    mode: int
+    """Position of its partner at the updated point; of close modes the one of the same rank."""
     modes: tuple[int, ...]
-    """Positions of the modes of the model at the updated point; several for close modes that are compared as one
+    """Positions of all modes of the model that span its motion: several for close modes that are compared as one
     subspace."""
 
 
@@ -137,8 +172,10 @@ class LiveConfiguration(Record):
     compared_order: int
     """Order of that model."""
     reduced_error_percent: float | None
-    """Largest error of a frequency of the reduced model itself, where it was last compared with the full one; None for
-    the full model."""
+    """Largest error of a frequency of the reduced model itself, in %, where it was last compared with the full one in
+    the 95 % region, such as at the updated point; None for the full model."""
+    reduced_bounds_percent: float | None = None
+    """The same within the bounds, as its training estimates it or as a comparison found it; None for the full model."""
     count: int
     """Modes that are shown."""
     shift: float
@@ -154,6 +191,11 @@ class LiveConfiguration(Record):
     """Key of all Chebyshev coefficients."""
     sensors_key: str
     """Key of the motion of the sensors (sensors, order)."""
+    mass_points: tuple[str, ...] = ()
+    """Points of sensors at which a mass can be added, "grid 101"; empty where the live model has not all degrees of
+    freedom of the model, which an added mass would need."""
+    mass_rows_key: str | None = None
+    """Key of the translations of these points (points, 3, order)."""
     drawing_key: str | None = None
     """Key of the vectors that shapes are drawn with (points, 3, vectors), steps of 8 bits; None where nothing is
     drawn."""
@@ -163,6 +205,8 @@ class LiveConfiguration(Record):
     """Test modes."""
     test_freq_hz: tuple[float, ...]
     """Their frequencies in Hz."""
+    sensor_labels: tuple[str, ...] = ()
+    """Labels of the sensors."""
     test_shapes_key: str
     """Key of their shapes (sensors, test modes); NaN where not measured."""
     pairs: tuple[LivePair, ...]
@@ -190,6 +234,8 @@ class LiveResults(Record):
     """Key of the updated point (k,), normalised."""
     region: LiveRegion | None = None
     """The 95 % region; None where the update gives no distribution."""
+    draws: LiveDraws | None = None
+    """Models that the data allow; None where the update gives no distribution."""
     configurations: tuple[LiveConfiguration, ...] = ()
     """One live model a configuration."""
     others: tuple[LiveOtherPart, ...] = ()

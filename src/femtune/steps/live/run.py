@@ -12,15 +12,19 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.modal.assignment import linear_sum_assignment
+from femtune.model import SubspaceDerivative
 from femtune.model.live import LiveModel, LiveModes, SecondBasis, Separated, live_model, second_basis, separated_terms
 from femtune.model.live.basis import WHOLE
 from femtune.model.live.matrices import solved
 from femtune.model.reduce import ReducedModel, ReducedModes, reduce_model, reduced_modes
 from femtune.model.reduce.training import candidates
+from femtune.residuals.aligned import align
 from femtune.steps.live.record import (
     LiveCertificate,
     LiveCheck,
     LiveConfiguration,
+    LiveDraws,
+    LiveFactor,
     LiveOtherPart,
     LivePair,
     LiveParameter,
@@ -61,6 +65,14 @@ _TRAINING = 6
 _REGION_TARGET, _BOUNDS_TARGET = 3e-5, 3e-4
 """Relative frequency errors at which the order is large enough: a third of what a page should keep."""
 _LEVEL = 0.95
+_SHOWN = 20
+"""Models that the data allow, of those that a page shows."""
+_DRAWN_LINEAR = 300
+"""Samples of the linearised distribution that a page weighs."""
+_MOST_MASS_POINTS = 60
+_UNDETERMINED = 100.0
+"""Widths of the samples that a combination of parameters is taken to have where the data leave it undetermined."""
+_LEAST_WIDTH = 1e-9
 _ORDERS = 1.25
 """Ratio of two orders that are tried one after the other."""
 _DRAWN = 1e-3
@@ -69,11 +81,16 @@ _SEED = 36
 
 
 def live_results(
-    study: Study, found: FoundParameters, arrays: dict[str, NDArray], progress: Progress
+    study: Study,
+    found: FoundParameters,
+    arrays: dict[str, NDArray],
+    progress: Progress,
+    sampled: Sampled | None = None,
 ) -> LiveResults | None:
     """The live model at the end of an update; None where there is nothing to change or to show.
 
-    Its arrays go into `arrays`. Where it is not possible, the result says why.
+    Its arrays go into `arrays`. Where it is not possible, the result says why. `sampled` are the samples of a posterior
+    distribution, where there is one.
     """
     result, wanted = found.result, study.file.output.live
     states = [s for s in result.after.states if s.case.on_full_model.on_modes and len(s.case.test)]
@@ -100,6 +117,7 @@ def live_results(
     arrays |= stored
     return LiveResults(
         parameters=_parameters(result), x_key="live/x", region=made.region.record(arrays) if made.region else None,
+        draws=_draws(result, made.region, sampled, bool(others), arrays),
         configurations=tuple(configurations), others=others, solutions=made.solutions,
     )  # fmt: skip
 
@@ -120,7 +138,7 @@ def _too_large(found: FoundParameters, states: Sequence[CaseState], wanted: bool
     most = max(large, default=0)
     if wanted is True or most <= SMALL:
         return ""
-    solutions = 1 + 2 * _TRAINING + 2
+    solutions = 2 * _TRAINING + 4
     return (
         f"the model has {most:,} degrees of freedom and was not reduced for the update; `live = true` in [output] "
         f"makes one from about {solutions} more solutions of each configuration, and with [reduction] it takes none"
@@ -189,10 +207,58 @@ class _Region:
         return self.inside[np.concatenate([some, more])]
 
     def record(self, arrays: dict[str, NDArray]) -> LiveRegion:
-        stored = {"at": self.at[self.moving], "rows": self.rows, "offset": self.offset}
+        # combinations that the data leave undetermined are as wide as the samples, many times over
+        width = _UNDETERMINED * np.maximum(np.ptp(self.inside[:, self.moving], axis=0), _LEAST_WIDTH)
+        both = np.vstack([self.rows, np.diag(1.0 / width)])
+        right = np.concatenate([self.offset, np.zeros(len(width))])
+        change = -np.linalg.lstsq(both, right, rcond=None)[0]
+        least = float(np.sum((self.rows @ change + self.offset) ** 2))
+        at = self.at[self.moving]
+        stored = {
+            "at": at, "rows": self.rows, "offset": self.offset, "centre": at + change,
+            "precision": both.T @ both,
+        }  # fmt: skip
         arrays |= {f"live/region/{name}": a for name, a in stored.items()}
         keys = {f"{name}_key": f"live/region/{name}" for name in stored}
-        return LiveRegion(moving=tuple(np.flatnonzero(self.moving).tolist()), limit=self.limit, **keys)
+        return LiveRegion(
+            moving=tuple(np.flatnonzero(self.moving).tolist()), limit=self.limit,
+            radius_square=max(self.limit - least, 0.0), **keys,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """Samples of a posterior distribution: `x` (n, k), normalised, and their `weights` (n,)."""
+
+    x: Reals
+    weights: Reals
+
+
+def _draws(
+    result: UpdateResult, region: _Region | None, sampled: Sampled | None, others: bool, arrays: dict[str, NDArray]
+) -> LiveDraws | None:
+    """From the posterior where there is one, else from the linearised distribution."""
+    random = np.random.default_rng(_SEED)
+    if sampled is not None:
+        chosen = random.choice(len(sampled.x), _SHOWN, p=sampled.weights / sampled.weights.sum())
+        arrays["live/draws"] = sampled.x[chosen]
+        return LiveDraws(source="posterior", x_key="live/draws")
+    posterior = result.covariance.posterior
+    if region is None or posterior is None:
+        return None
+    x = posterior.samples
+    x = x[random.choice(len(x), min(_DRAWN_LINEAR, len(x)), replace=False)]
+    d = (x - posterior.at)[:, posterior.moving]
+    arrays["live/draws"] = x
+    arrays["live/draws_linear"] = np.sum((d @ posterior.rows.T + posterior.offset) ** 2, axis=1)
+    reason = "some residuals are not computed again" if others else ""
+    if len(result.side.matrix) and result.smallest_change is None:
+        reason = "the update has a side constraint beside the residuals"
+    return LiveDraws(
+        source="linear", x_key="live/draws", linear_key="live/draws_linear",
+        degrees=posterior.degrees if np.isfinite(posterior.degrees) else None,
+        factors=tuple(LiveFactor(kind=k, factor=f) for k, f in result.covariance.factors.items()), reason=reason,
+    )  # fmt: skip
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -206,12 +272,13 @@ class _First:
     Parameters
     ----------
     basis : (n_free, r); None where the model is the full one
-    error : of its frequencies where it was last compared with the full model; None for the full model
+    error : largest of its frequencies in %, in the region and in the bounds, where it was last compared with the full
+        model, or estimated; None for the full model
     """
 
     model: ReducedModel
     basis: Reals | None
-    error: float | None
+    error: tuple[float, float] | None
 
     def full(self, vectors: Reals) -> Reals:
         """Vectors in the DOFs of the full model."""
@@ -237,10 +304,18 @@ class _Making:
         try:
             first = self._first(state, configured, count)
             groups = separated_terms(configured, x, ("stiffness", "mass"))
+            if isinstance(groups, str):
+                return groups
+            return self._made(state, first, groups, x, count, f"live/{number + 1}", arrays)
         except FemtuneError as error:
-            return f"its matrices cannot be had at all values of the parameters: {error.what}"
-        if isinstance(groups, str):
-            return groups
+            return f"the model cannot be solved at all values of the parameters: {error.what}"
+        except np.linalg.LinAlgError:
+            return f"K − σM is not positive definite at some values of the parameters ({state.case.name})"
+
+    def _made(
+        self, state: CaseState, first: _First, groups: Sequence[Separated], x: Reals, count: int, prefix: str,
+        arrays: dict[str, NDArray],
+    ) -> LiveConfiguration | str:  # fmt: skip
         whole = first.model.order <= WHOLE
         snapshots = [] if whole else [*self._region_points(_SNAPSHOTS, 1), *self._bounds_points(_SNAPSHOTS, 1)]
         basis = second_basis(first.model, x, snapshots, count, min(MOST_ORDER, first.model.order))
@@ -248,7 +323,6 @@ class _Making:
         if terms is None:
             return "its frequencies cannot be computed at the updated point with few enough vectors"
         vectors, model = terms
-        prefix = f"live/{number + 1}"
         case = next(c for c in (self.found.study or self.study).cases if c.name == state.case.name)
         return self._record(case, state, first, vectors, model, prefix, arrays)
 
@@ -256,10 +330,12 @@ class _Making:
         trained = _trained(self.found, state)
         if trained is not None:
             facts = self.found.reduction
-            errors = (
-                [m.certified_error_percent for m in facts.models if m.configuration == state.case.name] if facts else []
+            models = [m for m in facts.models if m.configuration == state.case.name] if facts else []
+            here = max(
+                (m.certified_error_percent for m in models if np.isfinite(m.certified_error_percent)), default=0.0
             )
-            return _First(*trained, max((e for e in errors if e is not None and np.isfinite(e)), default=0.0))
+            wide = max((m.estimate_percent for m in models if np.isfinite(m.estimate_percent)), default=0.0)
+            return _First(*trained, (here, max(here, wide)))
         shift = float(state.solution.shift)
         if configured.n_free <= SMALL:
             return _First(reduce_model(configured, np.eye(configured.n_free), shift=shift), None, None)
@@ -272,7 +348,7 @@ class _Making:
         for i, x in enumerate(points):
             self.progress.step(f"live model of {state.case.name}: solutions of the full model", i, len(points))
             columns.append(solver.modes(configured.at(x), count, None).shapes)
-        self.solutions += len(points) + 2
+        self.solutions += len(points) + (2 if self.region is None else 4)
         metric = state.point.symmetric_stiffness.plus(-shift, state.point.symmetric_mass)
         basis = np.linalg.qr(np.hstack([c / np.linalg.norm(c, axis=0) for c in columns]))[0]
         gram = basis.T @ (metric @ basis)
@@ -280,10 +356,10 @@ class _Making:
         basis = basis @ (turned / np.sqrt(size))
         model = reduce_model(configured, basis, shift=shift)
         errors = []
-        for x in [*self._region_points(1, 3), *self._bounds_points(1, 3)]:
+        for x in [*self._region_points(2, 3), *self._bounds_points(2, 3)]:
             full = solver.modes(configured.at(x), count, None).eigenvalues[:count]
-            errors.append(_error(reduced_modes(model.at(x), count).eigenvalues, full))
-        return _First(model, basis, 100.0 * max(errors))
+            errors.append(100.0 * _error(reduced_modes(model.at(x), count).eigenvalues, full))
+        return _First(model, basis, (max(errors[:-2], default=0.0), max(errors)))
 
     def _region_points(self, count: int, seed: int) -> Reals:
         k = len(self.result.x)
@@ -340,6 +416,7 @@ class _Making:
             "test_shapes": np.asarray(test.shapes, float),
             "weights": weights,
             **self._drawing(case, full, model),
+            **self._mass_rows(case, full),
         }
         checks = []
         for i, x in enumerate([*self._region_points(1, 6), *self._bounds_points(3, 6)][-3:]):
@@ -349,11 +426,12 @@ class _Making:
                 keys = {"x_key": f"{prefix}/check_{i}_x", "eigenvalues_key": f"{prefix}/check_{i}"}
                 checks.append(LiveCheck(chi_square=certified.chi_square(modes), **keys))
         arrays |= {f"{prefix}/{name}": a for name, a in stored.items()}
-        drawn = {f"{n}_key": f"{prefix}/{n}" for n in ("drawing", "drawing_weights") if n in stored}
+        drawn = {f"{n}_key": f"{prefix}/{n}" for n in ("drawing", "drawing_weights", "mass_rows") if n in stored}
         return LiveConfiguration(
             configuration=case.name, order=model.order, dofs=state.case.on_full_model.configured.n_free,
             compared_with="full model" if first.error is None else "reduced model", compared_order=first.model.order,
-            reduced_error_percent=first.error, count=model.count, shift=model.shift,
+            reduced_error_percent=first.error and first.error[0],
+            reduced_bounds_percent=first.error and first.error[1], count=model.count, shift=model.shift,
             theta_key=f"{prefix}/theta",
             terms=tuple(
                 LiveTermRecord(
@@ -364,14 +442,27 @@ class _Making:
             ),
             triangles_key=f"{prefix}/triangles", polynomials_key=f"{prefix}/polynomials",
             sensors_key=f"{prefix}/sensors", test_shapes_key=f"{prefix}/test_shapes",
-            test_labels=tuple(test.labels), test_freq_hz=tuple(map(float, test.freq_hz)),
+            sensor_labels=tuple(map(str, test.dofs)),
+            mass_points=tuple(f"grid {n}" for n in _mass_points(case)) if "mass_rows" in stored else (),
+            test_labels=tuple(test.labels),
+            test_freq_hz=tuple(map(float, test.freq_hz)),
             pairs=tuple(
-                LivePair(test=i, modes=tuple(models)) for tests, models in state.groups for i in tests
+                LivePair(test=i, mode=j, modes=tuple(models)) for i, j, models in _partners_at_update(state)
             ),
             parts=_part_records(parts), weights_key=f"{prefix}/weights",
             region=certified.at(region) if len(region) else None, bounds=certified.at(self._bounds_points(_POINTS, 5)),
             checks=tuple(checks), **drawn,
         )  # fmt: skip
+
+    @staticmethod
+    def _mass_rows(case: StudyCase, full: Reals) -> dict[str, NDArray]:
+        """Translations of the points of the sensors; none where the live model is not the whole one."""
+        points = _mass_points(case)
+        if full.shape[0] != full.shape[1] or not points:
+            return {}
+        at = [case.configured.model.structure.nodes.position(n) for n in points]
+        rows = case.configured.transformation[(6 * np.array(at)[:, None] + np.arange(3)).ravel()]
+        return {"mass_rows": np.asarray(rows @ full, np.float32).reshape(len(points), 3, -1)}
 
     def _drawing(self, case: StudyCase, full: Reals, model: LiveModel) -> dict[str, NDArray]:
         """Vectors in which the shapes of the points lie, in steps of 8 bits, and their parts in the live model."""
@@ -400,6 +491,18 @@ def _same_kinds(configurations: list[LiveConfiguration], at: Evaluation) -> list
     done = {(p.kind, c.configuration) for c in configurations for p in c.parts}
     whole = {kind for kind, _ in every if all(pair in done for pair in every if pair[0] == kind)}
     return [c.model_copy(update={"parts": tuple(p for p in c.parts if p.kind in whole)}) for c in configurations]
+
+
+def _partners_at_update(state: CaseState) -> list[tuple[int, int, tuple[int, ...]]]:
+    """Test mode, its partner, and all modes that span its motion; of close modes those of one rank are partners."""
+    return [(i, j, tuple(models)) for tests, models in state.groups for i, j in zip(tests, models)]
+
+
+def _mass_points(case: StudyCase) -> list[int]:
+    """Grid points that sensors of the modes are at."""
+    matches = () if case.sensors is None else case.sensors.matches
+    known = set(case.configured.model.structure.nodes.ids.tolist())
+    return [n for n in dict.fromkeys(m.node for m in matches if m.node is not None) if n in known][:_MOST_MASS_POINTS]
 
 
 def _part_records(parts: Sequence[PagePart]) -> tuple[LivePart, ...]:
@@ -486,12 +589,15 @@ class _Certified:
         )
 
     def _mac_errors(self, modes: LiveModes, known: ReducedModes) -> list[float]:
-        """Differences of the MAC of each pair; of close modes the smallest."""
+        """Differences of the MAC of each pair; not of close modes, which are rotated."""
         if len(self.sensors) < 2:
             return []
         seen, first = self.sensors @ modes.shapes, self.first_sensors @ known.shapes[:, : self.live.count + 4]
-        out = []
-        for i, j in self._partners(modes).items():
+        out, become = [], self._become(modes)
+        for i, old, models in _partners_at_update(self.state):
+            if len(models) > 1:
+                continue
+            j = become[old]
             test = self.state.case.test.shapes[:, i]
             near = np.abs(known.eigenvalues[: first.shape[1]] / modes.eigenvalues[j] - 1.0) <= 2.0 * _NEAR
             if near.any():
@@ -499,22 +605,27 @@ class _Certified:
                 out.append(float(np.abs(macs - _mac(seen[:, j], test)).min()))
         return out
 
-    def _partners(self, modes: LiveModes) -> dict[int, int]:
-        """Position of the mode of each test mode, followed from the updated point."""
-        members = [models[0] for _, models in self.state.groups]
-        overlap = (modes.mass[members] @ modes.shapes) / np.sqrt(self.live.theta[members, None])
-        followed = dict(zip(members, linear_sum_assignment(-(overlap**2))[1].tolist()))
-        return {i: followed[models[0]] for tests, models in self.state.groups for i in tests}
+    def _become(self, modes: LiveModes) -> dict[int, int]:
+        """Positions of the modes that those of the update which are compared have become."""
+        old = list(dict.fromkeys(j for _, models in self.state.groups for j in models))
+        overlap = (modes.mass[old] @ modes.shapes) / np.sqrt(self.live.theta[old, None])
+        return dict(zip(old, linear_sum_assignment(-(overlap**2))[1].tolist()))
 
     def chi_square(self, modes: LiveModes) -> float:
         """Sum of squares of the parts, without the error that all frequencies share."""
-        partner, test, total = self._partners(modes), self.state.case.test, 0.0
+        become, test, total = self._become(modes), self.state.case.test, 0.0
         shapes = self.sensors @ modes.shapes
+        motions: dict[int, tuple[float, Reals]] = {}
+        for tests, models in self.state.groups:
+            columns = [become[j] for j in models]
+            none = np.zeros((0, len(columns), len(columns)))
+            seen = shapes[:, columns]
+            subspace = SubspaceDerivative(modes.eigenvalues[columns], none, none, np.zeros((*seen.shape, 0)), seen, 0.0)
+            aligned = align(subspace, test.shapes[:, list(tests)])
+            motions |= {i: (float(aligned.eigenvalues[k]), aligned.shapes[:, k]) for k, i in enumerate(tests)}
         for part in self.parts:
-            j = partner[part.test]
-            values = part.values(
-                float(modes.eigenvalues[j]), shapes[:, j], float(test.freq_hz[part.test]), test.shapes[:, part.test]
-            )
+            eigenvalue, shape = motions[part.test]
+            values = part.values(eigenvalue, shape, float(test.freq_hz[part.test]), test.shapes[:, part.test])
             total += float(values @ values)
         return total
 

@@ -1,0 +1,111 @@
+// Questions about the 95 % region: models that the data allow, and the lowest and highest frequency in it.
+
+import { unpackDouble, type LiveDraws, type LiveRegion } from "./data.ts";
+import { solveDense } from "./dense.ts";
+import { inRegion, polynomial, type LiveModel, type Modes } from "./livemodel.ts";
+
+export interface Allowed { models: number[][]; effective: number; weighed: boolean }
+
+/**
+ * Logarithms of weights that make samples of the linearised distribution samples of the true one: `linear` are its sums of
+ * squares, `true_` those of the model, null where it has no modes; both at the update are given last.
+ */
+export function logWeights(linear: number[], true_: (number | null)[], at: [number, number], degrees: number | null, k: number): number[] {
+  const log = (q: number) => (degrees === null ? -0.5 * q : -0.5 * (degrees + k) * Math.log1p(Math.max(q, 1e-9 - degrees) / degrees));
+  return linear.map((q, i) => (true_[i] === null ? -Infinity : log(true_[i]! - at[1] + at[0]) - log(q)));
+}
+
+/** Positions of `count` samples by their weights (systematic resampling), each at most once, and the effective number. */
+export function resampled(logs: number[], count: number): { chosen: number[]; effective: number } {
+  const most = Math.max(...logs);
+  const weights = logs.map((l) => (Number.isFinite(most) ? Math.exp(l - most) : 0)), sum = weights.reduce((a, b) => a + b, 0);
+  if (!(sum > 0)) return { chosen: [], effective: 0 };
+  const chosen: number[] = [];
+  for (let i = 0, total = 0, next = 0.5 * sum / count; i < weights.length; i++) {
+    total += weights[i];
+    if (total > next) { chosen.push(i); while (next < total) next += sum / count; }
+  }
+  return { chosen, effective: (sum * sum) / weights.reduce((a, w) => a + w * w, 0) };
+}
+
+/** Rows of the samples. */
+export function drawRows(draws: LiveDraws): number[][] {
+  const [n, k] = draws.x.shape, all = unpackDouble(draws.x);
+  return Array.from({ length: n }, (_, i) => Array.from(all.subarray(i * k, (i + 1) * k)));
+}
+
+/** ∂λ/∂x (k,) of a mode: yᵀ(K′ − λM′)y, the polynomials by central differences. */
+export function eigenvalueGradient(model: LiveModel, x: number[], modes: Modes, column: number): number[] {
+  const y = modes.shapes[column], lambda = modes.eigenvalues[column], { lower, upper } = model;
+  const forms = model.forms(y);
+  return x.map((_, p) => {
+    const h = 1e-6 * (upper[p] - lower[p]), [up, down] = [x.slice(), x.slice()];
+    up[p] += h;
+    down[p] -= h;
+    return model.data.terms.reduce((sum, term, t) => {
+      if (!term.parameters.includes(p)) return sum;
+      const slope = (polynomial(term, up, lower, upper) - polynomial(term, down, lower, upper)) / (2 * h);
+      return sum + slope * forms[t] * (term.kind === "mass" ? -lambda : 1);
+    }, 0);
+  });
+}
+
+/**
+ * The point of the region and the bounds at which a linear function with slopes g is largest. Parameters that would leave
+ * their bounds are set to them one after the other, the region is cut there.
+ */
+export function linearOptimum(region: LiveRegion | null, x: number[], g: number[], lower: number[], upper: number[]): number[] {
+  if (region === null) return x.map((v, i) => (g[i] > 0 ? upper[i] : g[i] < 0 ? lower[i] : v));
+  const { moving, centre, precision, radius_square } = region, k = moving.length, out = x.slice();
+  const H = (i: number, j: number) => precision[i * k + j], places = Array.from({ length: k }, (_, i) => i);
+  const d = new Array(k).fill(0), fixed = new Set<number>();
+  for (let turn = 0; turn <= k; turn++) {
+    const free = places.filter((i) => !fixed.has(i)), held = places.filter((i) => fixed.has(i));
+    const inner = free.map((i) => free.map((j) => H(i, j)));
+    const shift = solveDense(inner, free.map((i) => -held.reduce((sum, j) => sum + H(i, j) * d[j], 0)));
+    const way = solveDense(inner, free.map((i) => g[moving[i]]));
+    // what the parameters at their bounds leave of the radius
+    const used = held.reduce((sum, i) => sum + d[i] * (held.reduce((s, j) => s + H(i, j) * d[j], 0) + free.reduce((s, j, a) => s + H(i, j) * shift[a], 0)), 0);
+    const rise = free.reduce((sum, i, a) => sum + g[moving[i]] * way[a], 0), rest = Math.max(0, radius_square - used);
+    free.forEach((i, a) => { d[i] = shift[a] + (rise > 0 ? way[a] * Math.sqrt(rest / rise) : 0); });
+    let worst = -1, most = 1e-12;
+    for (const i of free) {
+      const p = moving[i], value = centre[i] + d[i], off = Math.max(lower[p] - value, value - upper[p]) / (upper[p] - lower[p]);
+      if (off > most) { most = off; worst = i; }
+    }
+    if (worst < 0) break;
+    const p = moving[worst];
+    d[worst] = Math.min(upper[p], Math.max(lower[p], centre[worst] + d[worst])) - centre[worst];
+    fixed.add(worst);
+  }
+  const inside = out.slice(), middle = moving.map((p, i) => Math.min(upper[p], Math.max(lower[p], centre[i])));
+  moving.forEach((p, i) => { inside[p] = Math.min(upper[p], Math.max(lower[p], centre[i] + d[i])); });
+  // where the bounds leave nothing of the region on that side: back towards its middle
+  for (let turn = 0; turn < 200 && inRegion(region, inside) > 1 + 1e-9; turn++) moving.forEach((p, i) => { inside[p] += 0.05 * (middle[i] - inside[p]); });
+  return inside;
+}
+
+export interface Extreme { x: number[]; freq_hz: number }
+
+/** The lowest (sign −1) or highest (sign 1) frequency of a test mode's partner in the region, by steps that stay in it. */
+export function extreme(model: LiveModel, region: LiveRegion | null, start: number[], test: number, sign: number): Extreme | null {
+  const at = (x: number[]) => {
+    const modes = model.modes(x), column = modes ? model.follow(modes).get(test) : undefined;
+    return modes && column !== undefined && column >= 0 ? { modes, column, value: modes.eigenvalues[column] } : null;
+  };
+  let x = start.slice(), here = at(x);
+  if (!here) return null;
+  for (let turn = 0; turn < 25; turn++) {
+    const g = eigenvalueGradient(model, x, here.modes, here.column).map((v) => sign * v);
+    const target = linearOptimum(region, x, g, model.lower, model.upper);
+    let better = null;
+    for (let step = 1; step > 0.01 && !better; step /= 2) {
+      const tried = x.map((v, i) => v + step * (target[i] - v)), there = at(tried);
+      if (there && sign * (there.value - here.value) > 1e-7 * Math.abs(here.value)) better = { tried, there };
+    }
+    if (!better) break;
+    x = better.tried;
+    here = better.there;
+  }
+  return { x, freq_hz: here.modes.freq_hz[here.column] };
+}
