@@ -24,10 +24,10 @@ _FARTHEST = 3.0
 """Factor on the ends of the band up to which modes are looked at."""
 _STEP = 0.05
 """Relative change of a ratio by which derivatives are found."""
-_STEPS = 2
+_STEPS = 3
 """Steps of least squares."""
-_LONGEST = 0.5
-"""Relative change of a ratio in a step at most."""
+_SHRINK, _GROW, _GROW_OUTSIDE = 0.5, 2.0, 10.0
+"""Factors on a ratio in a step at least, and at most inside the band and outside it, where FRFs are linear in it."""
 _PAIRED, _UNPAIRED = 0.1, 1.0
 """Relative standard deviations of the ratios before the FRFs are used: of paired modes, and of others."""
 _LEAST = 1e-6
@@ -80,6 +80,9 @@ def with_refined_damping(
     jacobian = jacobian / np.where(scale > 0.0, scale, 1.0)
     p, q = jacobian.shape[1], len(near)
     prior = np.where(np.isin(near, list(paired)), _PAIRED, _UNPAIRED)
+    low, high = residual.measured.freq_hz[[0, -1]]
+    inside = (modes.freq_hz[near] >= low) & (modes.freq_hz[near] <= high)
+    most = np.where(inside, _GROW, _GROW_OUTSIDE)
     now = ratios.copy()
     for _ in range(_STEPS):
         before, columns = _columns(blocks, now, near)
@@ -87,7 +90,7 @@ def with_refined_damping(
         priors = np.hstack([np.zeros((q, p)), np.diag(1.0 / prior)])
         right = np.append(-before * weight[:, 0], (ratios[near] / now[near] - 1.0) / prior)
         step = np.linalg.lstsq(np.vstack([rows, priors]), right, rcond=1e-12)[0][p:]
-        now[near] = np.maximum(now[near] * (1.0 + np.clip(step, -_LONGEST, _LONGEST)), _LEAST)
+        now[near] = np.maximum(now[near] * np.clip(1.0 + step, _SHRINK, most), _LEAST)
     # rows, priors and columns are those of the last step
     information = np.vstack([rows, priors])
     covariance = np.linalg.pinv(information.T @ information, hermitian=True)[p:, p:]
