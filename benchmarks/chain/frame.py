@@ -1,7 +1,8 @@
-"""A frame with five uncertain moduli, its simulated tests of uneven damping, and its studies with equal damping.
+"""Structures with uncertain moduli, their simulated tests of uneven damping, and their studies with equal damping.
 
-Rectangle of 1.0 × 0.6 m with a cross bar at x = 0.375 m, in its plane: 38 beams, 108 degrees of freedom, without a
-support. Everything that is drawn follows from the kind and the number of a trial.
+A frame: rectangle of 1.0 × 0.6 m with a cross bar at x = 0.375 m, in its plane: 38 beams, 108 degrees of freedom, five
+moduli. A plate of 0.9 × 0.6 m with a step of its thickness: 60 shells, 231 degrees of freedom, six moduli. Neither has
+a support. Everything that is drawn follows from the set-up, the kind and the number of a trial.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ from femtune.units import SI
 Kind = Literal["right", "compliance", "mass", "missed"]
 """A right model; one that lacks a soft joint, or a mass; a right one whose identification is told to drop a mode."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
-GROUPS = ("bottom", "top", "left", "right", "cross")
+SetUp = Literal["frame 8 x 2", "frame 25 x 2", "frame 1 x 25", "plate 56 x 1"]
+"""Structure, and the numbers of its outputs and inputs."""
+SETUPS: tuple[SetUp, ...] = get_args(SetUp)
 SPREAD = 0.2
 """True moduli are drawn between 1 − SPREAD and 1 + SPREAD."""
 ZETA = (0.002, 0.02)
@@ -47,6 +50,12 @@ _BARS = {"bottom": (("a", "e", 4), ("e", "b", 6)), "top": (("d", "f", 4), ("f", 
 _OUTPUTS = ((0.0, 0.0), (0.25, 0.6), (1.0, 0.0), (0.375, 0.3), (0.6875, 0.0), (0.0, 0.3), (1.0, 0.6), (1.0, 0.3))
 _AXES = ("Y", "Y", "Y", "X", "Y", "X", "X", "X")
 _INPUTS = (((0.0, 0.0), "Y"), ((1.0, 0.3), "X"))
+_FRAME_GROUPS = tuple(_BARS)
+_PLATE_GROUPS = tuple(f"field_{i}" for i in range(1, 7))
+_PLATE = (0.9, 0.6, 10, 6)
+"""Length, width, and number of shells along each."""
+_THICK = (0.004, 0.005)
+"""Thickness of the plate: of the fields at one long edge, and of those at the other."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +66,37 @@ class Trial:
     ----------
     kind, number : what is planted, and which of its trials
     noisy : whether the FRFs have noise
+    setup : structure and channels; all kinds are planted in the first one only
     """
 
     kind: Kind
     number: int
     noisy: bool = True
+    setup: SetUp = "frame 8 x 2"
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return _PLATE_GROUPS if self.setup.startswith("plate") else _FRAME_GROUPS
+
+    def deck(self, moduli: NDArray[np.float64] | None = None) -> str:
+        """The deck as it stands, or that of the true structure with these moduli."""
+        if self.setup.startswith("plate"):
+            return _plate(moduli)
+        return _deck(moduli, "right" if moduli is None else self.kind)
+
+    def channels(self) -> tuple[list[str], list[str]]:
+        """Inputs and outputs."""
+        if self.setup.startswith("plate"):
+            columns, rows = _PLATE[2] + 1, _PLATE[3] + 1
+            outputs = [f"{1 + i + columns * j}Z+" for j in range(rows) for i in range(0, columns, 1)
+                       if (i + j) % 4 != 3]  # fmt: skip
+            return [f"{1 + 2 + columns}Z+"], outputs[:56]
+        inputs = [f"{_node(p)}{axis}+" for p, axis in _INPUTS]
+        if self.setup == "frame 8 x 2":
+            return inputs, [f"{_node(p)}{axis}+" for p, axis in zip(_OUTPUTS, _AXES)]
+        many = [f"{n}{axis}+" for n in sorted(_NODES)[::2] for axis in "XY"][:25]
+        return (inputs, many) if self.setup == "frame 25 x 2" else (many, [f"{_node((0.0, 0.0))}Y+"])
 
     @property
     def chance(self) -> np.random.Generator:
@@ -70,29 +105,30 @@ class Trial:
 
     @property
     def truth(self) -> NDArray[np.float64]:
-        """(5,) true moduli of the groups, relative to those of the deck."""
-        return self.chance.uniform(1.0 - SPREAD, 1.0 + SPREAD, len(GROUPS))
+        """True moduli of the groups, relative to those of the deck."""
+        return self.chance.uniform(1.0 - SPREAD, 1.0 + SPREAD, len(self.groups))
 
     def write(self, folder: Path, more: str = "") -> Path:
         """Deck, test and study in a folder; the path of the study."""
-        (folder / "frame.bdf").write_text(_deck(), encoding="utf-8")
+        (folder / "deck.bdf").write_text(self.deck(), encoding="utf-8")
         true = folder / "true.bdf"
-        true.write_text(_deck(self.truth, self.kind), encoding="utf-8")
+        true.write_text(self.deck(self.truth), encoding="utf-8")
         functions, hertz = _functions(true, self)
         points = np.unique(np.array([d.node for d in (*functions.responses, *functions.references)]))
-        frame = WireFrame(points, np.array([(*_NODES[n], 0.0) for n in points]))
+        nodes = _plate_nodes() if self.setup.startswith("plate") else _NODES
+        frame = WireFrame(points, np.array([(*nodes[n], 0.0) for n in points]))
         write_uff_frfs(folder / "test.uff", ModalTest("test", SI, frame, frfs=functions))
         inside = hertz[(hertz > LINES[0]) & (hertz < LINES[-1])]
         dropped = f"drop_hz = [{inside[self.number % len(inside)]:.4f}]\n" if self.kind == "missed" else ""
         study = folder / "study.toml"
-        study.write_text(_STUDY + _PARAMETERS + f"[equalise]\ndamping = {EQUAL}\nlargest_order = 40\n{dropped}{more}",
-                         encoding="utf-8")  # fmt: skip
+        equalise = f"[equalise]\ndamping = {EQUAL}\nlargest_order = 40\n{dropped}{more}"
+        study.write_text(_STUDY + _parameters(self.groups) + equalise, encoding="utf-8")
         return study
 
 
 _STUDY = """[study]
-title = "Frame"
-deck = "frame.bdf"
+title = "Simulated test"
+deck = "deck.bdf"
 units = "m-kg-s"
 [modes]
 count = 20
@@ -101,10 +137,13 @@ file = "test.uff"
 [[residual]]
 kind = "frf"
 """
-_PARAMETERS = "".join(
-    f'[[parameter]]\nname = "{name}"\nfields = ["MAT1 {i} E"]\nlower = 0.5\nupper = 1.5\n'
-    for i, name in enumerate(GROUPS, start=1)
-)
+
+
+def _parameters(groups: tuple[str, ...]) -> str:
+    return "".join(
+        f'[[parameter]]\nname = "{name}"\nfields = ["MAT1 {i} E"]\nlower = 0.5\nupper = 1.5\n'
+        for i, name in enumerate(groups, start=1)
+    )
 
 
 def _beams() -> tuple[dict[int, tuple[float, float]], list[tuple[int, int, int]]]:
@@ -129,7 +168,7 @@ def _node(point: tuple[float, float]) -> int:
 
 def _deck(moduli: NDArray[np.float64] | None = None, kind: Kind = "right") -> str:
     """The deck as it stands, or that of the structure of a kind with true moduli."""
-    moduli = np.ones(len(GROUPS)) if moduli is None else moduli
+    moduli = np.ones(len(_FRAME_GROUPS)) if moduli is None else moduli
     corner = _node(_CORNERS["c"])
     lines = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", f"EIGRL,1,,,{_MODES}"]
     lines += [f"GRID,{n},,{x},{y},0.0,,345" for n, (x, y) in _NODES.items()]
@@ -147,6 +186,29 @@ def _deck(moduli: NDArray[np.float64] | None = None, kind: Kind = "right") -> st
     return "\n".join([*lines, "PARAM,COUPMASS,1", "ENDDATA", ""])
 
 
+def _plate_nodes() -> dict[int, tuple[float, float]]:
+    length, width, along, across = _PLATE
+    places = [(length * i / along, width * j / across) for j in range(across + 1) for i in range(along + 1)]
+    return dict(enumerate(places, start=1))
+
+
+def _plate(moduli: NDArray[np.float64] | None) -> str:
+    """A free plate in bending; two rows of three fields."""
+    moduli = np.ones(len(_PLATE_GROUPS)) if moduli is None else moduli
+    _, _, along, across = _PLATE
+    lines = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", f"EIGRL,1,,,{_MODES}"]
+    lines += [f"GRID,{n},,{x:.6f},{y:.6f},0.0,,126" for n, (x, y) in _plate_nodes().items()]
+    for j in range(across):
+        for i in range(along):
+            field = 1 + min(2, 3 * i // along) + 3 * (2 * j // across)
+            a = 1 + i + (along + 1) * j
+            lines.append(f"CQUAD4,{1 + i + along * j},{field},{a},{a + 1},{a + along + 2},{a + along + 1}")
+    for field, factor in enumerate(moduli, start=1):
+        lines.append(f"MAT1,{field},{_E * factor:.9e},,0.3,7850.0")
+        lines.append(f"PSHELL,{field},{field},{_THICK[field > 3]},{field}")
+    return "\n".join([*lines, "PARAM,COUPMASS,1", "ENDDATA", ""])
+
+
 def _functions(true: Path, trial: Trial) -> tuple[FrfSet, NDArray[np.float64]]:
     """Accelerances with noise, and the true frequencies."""
     structure = build_structure(read_deck(true)).structure
@@ -154,11 +216,10 @@ def _functions(true: Path, trial: Trial) -> tuple[FrfSet, NDArray[np.float64]]:
     solution = solve_modes(model.at(np.zeros(0)), _MODES)
     hertz = solution.freq_hz[:_MODES]
     chance = trial.chance
-    chance.random(len(GROUPS))
+    chance.random(len(trial.groups))
     zeta = np.exp(chance.uniform(*np.log(ZETA), _MODES))
     zeta[hertz < 1.0] = 0.0
-    outputs = [f"{_node(p)}{axis}+" for p, axis in zip(_OUTPUTS, _AXES)]
-    inputs = [f"{_node(p)}{axis}+" for p, axis in _INPUTS]
+    inputs, outputs = trial.channels()
     ports = make_ports(model, inputs, outputs)
     exact = frf(solution, ports, LINES, "accelerance", damping=damping_by_mode(tuple(zeta)))
     if not trial.noisy:

@@ -14,7 +14,7 @@ from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice
 from femtune.identification import InputKnown, identify_frfs
 from femtune.identification.hammer import hits_of, is_impulsive
-from femtune.modal import Channel, FrfSet, ModeSet, TimeSeries, pole_of
+from femtune.modal import Channel, FrfSet, ModeSet, TimeSeries, mac, pole_of
 
 from .conftest import Known
 
@@ -192,3 +192,32 @@ def test_windows_of_hits_and_several_records_are_for_hits_and_forces(tmp_path: P
         identify(tmp_path / "i.toml")
     assert "identify.several-records" in str(told.value)
     check_shown("identify.several-records", Notice("identify.several-records", count=2))
+
+
+@pytest.mark.slow
+def test_hits_at_several_points_in_files_of_their_own(tmp_path: Path) -> None:
+    shapes = np.vstack([SHAPES, [[-0.4, 0.5, 0.9]]])
+    files = []
+    for point, shape in enumerate(shapes, 1):
+        force = np.zeros(1200)
+        force[40:47] = 50.0 * np.hanning(7)
+        y = np.zeros(1200)
+        for k, pole in enumerate(np.exp(pole_of(FREQ, DAMPING) / RATE)):
+            q = lfilter([0.0, pole.imag], [1.0, -2.0 * pole.real, abs(pole) ** 2], shape[k] * force)
+            y += SHAPES[0, k] * np.gradient(np.gradient(q))
+        noise = np.random.default_rng(point).standard_normal((2, 1200)) * np.array([[0.02], [3e-4 * y.std()]])
+        files.append(f"{point}.csv")
+        values = np.vstack([force, y]) + noise
+        np.savetxt(tmp_path / files[-1], values.T, delimiter=",", header=f"{point}Z+ [N],1Z+ [m/s2]", comments="")
+    (tmp_path / "i.toml").write_text(f"[identify]\nrecord = {files}\nsampling_hz = 512.0\nband_hz = [10.0, 90.0]\n")
+    made = identify(tmp_path / "i.toml")
+    np.testing.assert_allclose(made.modes.freq_hz, FREQ, rtol=1e-3)
+    assert made.modes.dofs.labels() == ["1Z+", "2Z+", "3Z+"]
+    assert np.diag(mac(made.modes.shapes, shapes)).min() > 0.999
+    assert {"identify.reciprocity", "identify.one-hit"} <= set(codes(made.found.notices))
+    # a second response in one of the files is not that of the others
+    text = (tmp_path / "1.csv").read_text(encoding="utf-8")
+    (tmp_path / "1.csv").write_text(text.replace("1Z+ [m/s2]", "2Z+ [m/s2]"), encoding="utf-8")
+    with pytest.raises(FemtuneError) as caught:
+        identify(tmp_path / "i.toml")
+    assert caught.value.code == "identify.records-differ"

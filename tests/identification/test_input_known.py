@@ -150,3 +150,21 @@ def test_settings_that_mean_nothing(facts: dict[str, Any]) -> None:
     with pytest.raises(FemtuneError) as caught:
         InputKnown(**facts)
     assert caught.value.code == "identify.method"
+
+
+@pytest.mark.slow
+def test_a_hammer_that_roves_is_identified_by_reciprocity(eight_modes: Any) -> None:
+    one = dataclasses.replace(eight_modes, inputs=(0,))
+    frfs = one.frfs(_LINES, noise=0.005)
+    found, roving = (identify_frfs(some, InputKnown(largest_order=40)) for some in (frfs, frfs.transposed()))
+    np.testing.assert_array_equal(roving.modes.freq_hz, found.modes.freq_hz)
+    np.testing.assert_array_equal(roving.modes.shapes, found.modes.shapes)
+    assert roving.modes.dofs.labels() == frfs.responses.labels()
+    (said,) = [n for n in roving.notices if n.code == "identify.reciprocity"]
+    check_shown("identify.reciprocity", said)
+    # the system has the forces and responses that were measured
+    system, values = roving.system.frf(_LINES), found.system.frf(_LINES).values
+    assert (system.responses.labels(), system.references.labels()) == (["1Z+"], frfs.responses.labels())
+    np.testing.assert_allclose(system.values, np.swapaxes(values, 0, 1), rtol=1e-6)
+    as_measured = identify_frfs(frfs.transposed(), InputKnown(largest_order=8, by_reciprocity=False))
+    assert as_measured.modes.dofs.labels() == ["1Z+"]

@@ -7,6 +7,7 @@ import pytest
 
 from femtune.dofs import Dof
 from femtune.identification import InputKnown, identify_frfs
+from femtune.identification.hammer import samples_before
 from femtune.identification.modal_fit import fit_modes
 from femtune.identification.shapes import as_modes
 from femtune.identification.whole_record import MOST_VALUES, binned, in_bins, whole_record
@@ -19,7 +20,13 @@ CHANNELS = (*(Channel(Dof(i, "Z"), "acceleration") for i in (1, 2)), Channel(Dof
 NOISE = 0.01
 
 
-def measured(seed: int) -> tuple[TimeSeries, np.ndarray]:
+def measured(
+    seed: int,
+    freq: np.ndarray = FREQ,
+    damping: np.ndarray = DAMPING,
+    shapes: np.ndarray = SHAPES,
+    noise: float = NOISE,
+) -> tuple[TimeSeries, np.ndarray]:
     """A record cut out of a longer one under a random force, and the noise of its responses."""
     rng, samples = np.random.default_rng(seed), round(SECONDS * RATE)
     length, begin = 4 * samples, round(5.0 * RATE)
@@ -27,13 +34,14 @@ def measured(seed: int) -> tuple[TimeSeries, np.ndarray]:
     force = np.zeros(length)
     force[: samples + 2 * begin] = rng.standard_normal(samples + 2 * begin)
     lines = np.fft.rfft(force) * (hz < 0.4 * RATE)
-    omega, own = 2.0 * np.pi * hz, 2.0 * np.pi * FREQ[:, None]
-    modal = -(omega**2) / (own**2 - omega**2 + 2j * DAMPING[:, None] * own * omega) * SHAPES[0][:, None]
-    motion = np.fft.irfft(SHAPES @ modal * lines, length)[:, begin : begin + samples]
-    sd = NOISE * motion.std(axis=1)
+    omega, own = 2.0 * np.pi * hz, 2.0 * np.pi * freq[:, None]
+    modal = -(omega**2) / (own**2 - omega**2 + 2j * damping[:, None] * own * omega) * shapes[0][:, None]
+    motion = np.fft.irfft(shapes @ modal * lines, length)[:, begin : begin + samples]
+    sd = noise * motion.std(axis=1)
     noisy = motion + sd[:, None] * rng.standard_normal(motion.shape)
     values = np.vstack([noisy, np.fft.irfft(lines, length)[begin : begin + samples]])
-    return TimeSeries(values, CHANNELS, RATE), sd
+    channels = (*CHANNELS[: len(shapes)], CHANNELS[-1])
+    return TimeSeries(values, channels, RATE), sd
 
 
 START = pole_of(1.002 * FREQ, 1.5 * DAMPING)
@@ -108,3 +116,60 @@ def test_records_with_too_many_or_too_few_lines_or_a_silent_force_are_not_for_th
     assert whole_record(TimeSeries(silent, CHANNELS, RATE), "accelerance", *BAND) is None
     long = TimeSeries(np.zeros((3, 5 * MOST_VALUES // 2)), CHANNELS, RATE)
     assert whole_record(long, "accelerance", 1.0, 60.0) is None
+
+
+def one_hit(seed: int, before: float = 0.0, noise: float = 1e-3) -> TimeSeries:
+    """A hit in a record that ends before its response does; `before`: what moves already, relative to the response."""
+    rng, samples = np.random.default_rng(seed), 2048
+    force = np.zeros(8 * samples)
+    force[40:45] = [0.2, 0.8, 1.0, 0.8, 0.2]
+    hz = np.fft.rfftfreq(len(force), 1.0 / RATE)
+    low_pass = 0.5 * (1.0 + np.cos(np.pi * np.clip((hz - 44.0) / 18.0, 0.0, 1.0)))
+    lines, omega, own = np.fft.rfft(force) * low_pass, 2.0 * np.pi * hz, 2.0 * np.pi * FREQ[:, None]
+    modal = -(omega**2) / (own**2 - omega**2 + 2j * DAMPING[:, None] * own * omega) * SHAPES[0][:, None]
+    values = np.fft.irfft(np.vstack([SHAPES @ modal * lines, lines]), len(force))[:, :samples]
+    values[:2] += before * values[:2].std() * np.sin(2.0 * np.pi * FREQ[0] * np.arange(samples) / RATE)
+    values[:2] += noise * values[:2].std(axis=1, keepdims=True) * rng.standard_normal((2, samples))
+    return TimeSeries(values, CHANNELS, RATE)
+
+
+def test_a_hit_whose_response_is_cut_has_no_bias() -> None:
+    found, plain = [], []
+    for seed in range(12):
+        record = one_hit(seed)
+        whole = whole_record(record, "accelerance", *BAND, rest=samples_before(record))
+        assert whole is not None
+        modes = as_modes(fit_modes(whole.frfs, START, None, whole=whole))
+        # the same functions as if the response had decayed
+        cut = as_modes(fit_modes(whole.frfs, START, None))
+        for some, out in ((modes, found), (cut, plain)):
+            assert some.damping_ratio is not None
+            assert some.damping_sd is not None
+            out.append((some.damping_ratio - DAMPING) / some.damping_sd)
+    # 95 % of 36 with a probability of 0.999
+    assert np.sum(np.abs(found) <= 1.96) >= 28
+    # the response at 9 Hz has decayed to 16 % at the end
+    assert (np.array(plain)[:, 0] > 4.0).all()
+
+
+def test_a_record_with_one_hit_must_begin_at_rest() -> None:
+    record = one_hit(0, before=0.2)
+    assert whole_record(record, "accelerance", *BAND, rest=samples_before(record)) is None
+    assert whole_record(one_hit(0), "accelerance", *BAND, rest=2) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("apart", [0.04, 0.0015])
+def test_close_modes_of_one_response_are_two(apart: float) -> None:
+    freq, damping = np.array([9.0, 17.0, 17.0 * (1.0 + apart), 29.0]), np.array([0.004, 0.006, 0.007, 0.01])
+    whole = whole_record(measured(1, freq, damping, np.array([[1.0, 0.7, 0.6, -0.5]]), 1e-4)[0], "accelerance", *BAND)
+    assert whole is not None
+    whole = in_bins(whole, 1000)
+    frfs, sd = binned(whole)
+    found = identify_frfs(frfs, InputKnown(BAND, 40), sd, whole)
+    assert len(found.modes) == 4
+    assert found.modes.freq_sd_hz is not None
+    assert (np.abs(found.modes.freq_hz - freq) < 4.0 * found.modes.freq_sd_hz).all()
+    assert found.modes.damping_ratio == pytest.approx(damping, rel=0.2)
+    chosen = [c for c in found.candidates if c.chosen]
+    assert [c.divided for c in chosen] == [False, apart < 0.01, apart < 0.01, False]

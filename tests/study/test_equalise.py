@@ -330,6 +330,6 @@ def test_keys_are_checked(bench: Bench, key: str) -> None:
 def test_what_the_notice_says() -> None:
     notice = Notice(
         "residual.equalised", level="info", configuration="free", ratio=0.01, low=40.0, high=400.0, modes=14,
-        least=0.12, most=2.9, lines=347, misfit=1.83, left_out=", without 118 to 131 Hz",
+        least=0.12, most=2.9, outside=0.61, lines=347, misfit=1.83, left_out=", without 118 to 131 Hz",
     )  # fmt: skip
     check_shown("residual.equalised", notice)

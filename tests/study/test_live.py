@@ -103,6 +103,48 @@ def test_chi_square_of_the_page_is_that_of_the_update(small: RunResult) -> None:
     assert {p.kind for p in live.configurations[0].parts} == {c.kind for c in update.residual_counts}
 
 
+def test_the_edge_of_the_region_is_a_sphere_in_its_own_coordinates(small: RunResult) -> None:
+    live = small.results.live
+    assert live is not None
+    assert live.region is not None
+    region = live.region
+    rows, offset, at, centre, spread = (
+        small.arrays[k]
+        for k in (region.rows_key, region.offset_key, region.at_key, region.centre_key, region.spread_key)
+    )
+    for u in np.random.default_rng(1).standard_normal((10, len(centre))):
+        x = centre + spread @ (u * np.sqrt(region.radius_square) / np.linalg.norm(u))
+        assert np.sum((rows @ (x - at) + offset) ** 2) == pytest.approx(region.limit, rel=0.02)
+
+
+def test_samples_of_the_linearised_distribution_carry_their_sum_of_squares(small: RunResult) -> None:
+    live = small.results.live
+    assert live is not None
+    assert live.draws is not None
+    assert live.region is not None
+    assert (live.draws.source, live.draws.reason) == ("linear", "")
+    x, q = small.arrays[live.draws.x_key], small.arrays[live.draws.linear_key or ""]
+    rows, offset, at = (small.arrays[k] for k in (live.region.rows_key, live.region.offset_key, live.region.at_key))
+    np.testing.assert_allclose(np.sum(((x - at) @ rows.T + offset) ** 2, axis=1), q, rtol=1e-9)
+    assert 0.85 < np.mean(q <= live.region.limit) <= 1.0
+
+
+def test_a_sampled_posterior_takes_the_place_of_the_linearised_distribution(bench: Bench) -> None:
+    residuals = "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01\n"
+    study = bench.study(f'{_EI}\n{residuals}[posterior]\nnoise = "stated"\ndraws = 200\nstarts = 0\n')
+    run = ft.run(study, output=bench.folder / "sampled")
+    live, posterior = run.results.live, run.results.posterior
+    assert live is not None
+    assert live.draws is not None
+    assert posterior is not None
+    assert live.draws.source == "posterior"
+    x = run.arrays[live.draws.x_key]
+    samples = run.arrays[posterior.samples_key]
+    assert x.shape == (20, 2)
+    # parameters of a nominal value of one
+    assert all(np.abs(samples - (1.0 + one)).max(axis=1).min() < 1e-12 for one in x)
+
+
 def test_the_page_lets_a_worker_start_only_if_it_has_a_live_model(small: RunResult, bench: Bench) -> None:
     page = html_text(build_report(small.results, small.arrays))
     assert page.count("worker-src blob:") == 1

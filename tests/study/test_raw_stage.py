@@ -17,6 +17,7 @@ from femtune.identification import equal_damping
 from femtune.model import damping_by_mode, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.residuals.frf import measured_damping
+from femtune.residuals.frf.unpaired_damping import with_unpaired_damping
 from femtune.steps.run.result import RunResult
 from femtune.steps.update import raw
 from femtune.steps.update import run as update_run
@@ -208,3 +209,22 @@ def test_pairs_that_do_not_stay_are_told(monkeypatch: pytest.MonkeyPatch, fails:
 )
 def test_what_the_notices_say(code: str, facts: dict[str, Any]) -> None:
     check_shown(code.replace("/", ", "), Notice(code, **facts))
+
+
+@pytest.mark.slow
+def test_damping_of_a_mode_beside_the_band(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its ratio is found from exact functions that end below it; it is another one than those of the modes inside."""
+    zeta = (0.004, 0.004, 0.02, 0.01, *([0.01] * 16))
+    monkeypatch.setattr("tests.study.test_raw_stage.LINES", np.arange(5.0, 150.0, 0.25))
+    monkeypatch.setattr("tests.study.test_raw_stage.ZETA", zeta)
+    measure(bench, 0.0)
+    found = []
+
+    def kept(*given: Any) -> Any:
+        found.append((given[1].freq_hz, *with_unpaired_damping(*given)))
+        return found[-1][1:]
+
+    monkeypatch.setattr(raw, "with_unpaired_damping", kept)
+    assert ft.update(study(bench)).results.update is not None
+    _, ratios, near = found[-1]
+    assert ratios[near[0]] == pytest.approx(zeta[near[0]], rel=0.1)

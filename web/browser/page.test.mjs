@@ -454,7 +454,7 @@ test("the live model begins at the update, and the policy lets it start its work
     // the deck as written has rounded values
     assert.ok(Math.abs(rows[test][1] / stage.freq_hz[mode] - 1) < 1e-3);
   }
-  assert.match(await panel.locator(".answers > .note").first().textContent(), /frequencies differ from the model by .* %.*points of the 95 % region/);
+  assert.match(await panel.locator(".answers > .certificate").textContent(), /frequencies differ from the full model by .* %.*points of the 95 % region/);
   await close();
 });
 
@@ -469,7 +469,7 @@ test("a slider moves frequencies, χ² and the shape, and goes back to the updat
   await answered(panel, () => page.mouse.click(box.x + 0.9 * box.width, box.y + box.height / 2));
   await page.waitForTimeout(100);
   assert.match(await panel.locator(".answers > .shown").textContent(), /Outside the 95 % region/);
-  assert.match(await panel.locator(".answers > .note").first().textContent(), /points within the bounds/);
+  assert.match(await panel.locator(".answers > .certificate").textContent(), /points within the bounds/);
   const moved = await frequencies(panel);
   assert.ok(moved.some((row, i) => Math.abs(row[1] / first[i][1] - 1) > 0.05));
   const [before, now] = (await total()).map((t) => Number(t.replace("−", "-")));
@@ -502,6 +502,30 @@ test("the live model by keyboard: slider, number within the bounds, configuratio
   }
   await panel.locator("summary").first().click();
   assert.match(await panel.locator("textarea").inputValue(), new RegExp(`name = "${p.name}"\nnominal = ${p.upper}\n`));
+  await close();
+});
+
+test("the page answers questions about the region", async () => {
+  const { page, panel, close } = await live();
+  const { region, draws, parameters } = (await viewOf(page)).live, told = panel.locator(".asks > .note");
+  const hz = {};
+  for (const which of ["Lowest", "Highest"]) {
+    await panel.getByRole("button", { name: new RegExp(`^${which} frequency`) }).click();
+    await told.filter({ hasText: `${which} frequency of test mode` }).waitFor();
+    await page.waitForTimeout(500);
+    hz[which] = (await frequencies(panel))[0];
+    assert.doesNotMatch(await panel.locator(".answers > .shown").textContent(), /Outside/);
+  }
+  assert.ok(hz.Lowest[1] < hz.Lowest[0] && hz.Highest[1] > hz.Highest[0]);
+  assert.ok(region && draws);
+  await panel.getByRole("button", { name: "Models that the data allow" }).click();
+  await told.filter({ hasText: /Model 1 of|no source of such models/ }).waitFor({ timeout: 60000 });
+  if (/Model 1 of/.test(await told.textContent())) {
+    const value = () => panel.getByLabel(`${parameters[0].name}, value`).inputValue();
+    const before = await value();
+    await panel.getByRole("button", { name: "Next" }).click();
+    assert.notEqual(await value(), before);
+  }
   await close();
 });
 

@@ -3,12 +3,14 @@
 import { readView, type Live, type LiveParameter, type View } from "./data.ts";
 import { choice, h, save, shown, svg } from "./dom.ts";
 import { inRegion, type Solved } from "./livemodel.ts";
-import { certificateText, partsOf, studyLines, written } from "./livetext.ts";
+import { certificateText, partsOf, studyLines, truthText, written } from "./livetext.ts";
 import type { Answer, LiveShape } from "./liveworker.ts";
 
 declare const WORKER: string;
 
 const STEPS = 500;
+/** Models that pass by, and samples that must count for them. */
+const MODELS = 20, LEAST_EFFECTIVE = 10;
 const signed = (value: number, digits = 3) => (value > 0 ? "+" : "") + shown(value, digits);
 
 class Slider {
@@ -47,7 +49,8 @@ export class LivePanel {
   private readonly sliders: Slider[];
   private readonly values: number[];
   private readonly where = h("p", { class: "shown", "aria-live": "polite" });
-  private readonly certificate = h("p", { class: "note" });
+  private readonly truth = h("p", { class: "note truth" });
+  private readonly certificate = h("p", { class: "note certificate" });
   private readonly parts = h("tbody");
   private readonly modes = h("tbody");
   private readonly configuration;
@@ -60,6 +63,12 @@ export class LivePanel {
   private busy = false;
   private waiting = false;
   private id = 0;
+  private readonly asks = h("fieldset", { class: "asks" });
+  private readonly told = h("p", { class: "note", "aria-live": "polite" });
+  private readonly models = h("div", { class: "controls", hidden: true });
+  private allowed: number[][] = [];
+  private chosen = 0;
+  private timer = 0;
   private asked = 0;
   private test: number;
 
@@ -94,23 +103,89 @@ export class LivePanel {
     this.element.replaceChildren(
       h("div", { class: "columns" },
         h("fieldset", { class: "sliders" }, h("legend", {}, "Parameters"), legend, ...this.sliders.map((s) => s.element),
-          h("p", { class: "tools" }, button("Back to the update", () => this.setAll((p) => p.updated)), button("Initial values", () => this.setAll((p) => p.nominal)))),
-        h("div", { class: "answers" }, this.where, this.certificate, h("div", { class: "controls" }, this.configuration.label),
+          h("p", { class: "tools" }, button("Back to the update", () => { this.stop(); this.setAll((p) => p.updated); }), button("Initial values", () => { this.stop(); this.setAll((p) => p.nominal); }))),
+        h("div", { class: "answers" }, this.where, this.truth, this.certificate, h("div", { class: "controls" }, this.configuration.label),
           table("Frequencies and MAC now", ["Test mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
           table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.host)),
-      lines);
+      this.asks, lines);
+    this.fillAsks();
     this.choose();
     this.sliders.forEach((s, i) => s.set(this.values[i]));
   }
 
+  /** Questions about the region. */
+  private fillAsks(): void {
+    const button = (text: string, act: () => void) => h("button", { type: "button", click: act }, text), { live } = this;
+    const where = live.region ? "the 95 % region" : "the bounds";
+    const ask = (sign: number) => () => {
+      this.stop();
+      this.told.textContent = "…";
+      this.worker.postMessage({ kind: "extreme", configuration: this.at, test: this.test, sign });
+    };
+    const show = button("Models that the data allow", () => { this.told.textContent = "…"; this.worker.postMessage({ kind: "allowed", count: MODELS }); });
+    const step = (by: number) => () => { this.stop(); this.showModel(this.chosen + by); };
+    const play = button("Play", () => (this.timer ? this.stop() : this.play()));
+    play.classList.add("play");
+    this.models.append(button("Previous", step(-1)), button("Next", step(1)), play);
+    this.asks.replaceChildren(h("legend", {}, "Ask"),
+      h("p", { class: "tools" }, button(`Lowest frequency of the test mode in ${where}`, ask(-1)), button(`Highest frequency of the test mode in ${where}`, ask(1)), ...(live.draws ? [show] : [])),
+      this.models, this.told);
+  }
+
+  private takeExtreme(test: number, sign: number, found: { x: number[]; freq_hz: number } | null): void {
+    const c = this.live.configurations[this.at], first = this.first[this.at], column = first?.pairs[test]?.column ?? -1;
+    if (!found || !first || column < 0) { this.told.textContent = "The test mode has no partner."; return; }
+    const where = this.live.region ? "the 95 % region of the update (linearised)" : "the bounds";
+    this.models.hidden = true;
+    this.told.textContent = `${sign < 0 ? "Lowest" : "Highest"} frequency of test mode ${c.test_labels[test]} in ${where}: ${shown(found.freq_hz, 5)} Hz; updated ${shown(first.freq_hz[column], 5)} Hz, test ${shown(c.test_freq_hz[test])} Hz. Found by steps from the update; the sliders stand at these values.`;
+    this.setAll((p, i) => p.nominal + p.scale * found.x[i]);
+  }
+
+  private takeAllowed(models: number[][], effective: number, weighed: boolean): void {
+    const { source, reason, x } = this.live.draws!;
+    if (weighed && (effective < LEAST_EFFECTIVE || !models.length)) {
+      this.models.hidden = true;
+      this.told.textContent = `The linearised distribution is no source of such models here: the true χ² leaves ${shown(effective, 2)} of ${x.shape[0]} samples. [posterior] in the study samples them.`;
+      return;
+    }
+    this.allowed = models;
+    this.models.hidden = false;
+    this.source = source === "posterior" ? "a sample of the posterior distribution"
+      : weighed ? `of the linearised distribution, weighted by the true χ² (${shown(effective, 3)} of ${x.shape[0]} samples are effective)`
+      : `of the linearised distribution, not weighted by the true χ² (${reason})`;
+    this.showModel(0);
+  }
+
+  private source = "";
+
+  private showModel(k: number): void {
+    const n = this.allowed.length;
+    this.chosen = (k + n) % n;
+    this.told.textContent = `Model ${this.chosen + 1} of ${n}: ${this.source}.`;
+    this.setAll((p, i) => p.nominal + p.scale * this.allowed[this.chosen][i]);
+  }
+
+  private play(): void {
+    this.models.querySelector(".play")!.textContent = "Pause";
+    this.timer = window.setInterval(() => this.showModel(this.chosen + 1), 800);
+  }
+
+  private stop(): void {
+    clearInterval(this.timer);
+    this.timer = 0;
+    const play = this.models.querySelector(".play");
+    if (play) play.textContent = "Play";
+  }
+
   private set(k: number, value: number): void {
+    this.stop();
     this.values[k] = value;
     this.sliders[k].set(value);
     this.ask();
   }
 
-  private setAll(value: (p: LiveParameter) => number): void {
-    this.live.parameters.forEach((p, k) => { this.values[k] = value(p); this.sliders[k].set(this.values[k]); });
+  private setAll(value: (p: LiveParameter, k: number) => number): void {
+    this.live.parameters.forEach((p, k) => { this.values[k] = value(p, k); this.sliders[k].set(this.values[k]); });
     this.ask();
   }
 
@@ -140,6 +215,8 @@ export class LivePanel {
       this.build();
       return;
     }
+    if (answer.kind === "extreme") { this.takeExtreme(answer.test, answer.sign, answer.extreme); return; }
+    if (answer.kind === "allowed") { this.takeAllowed(answer.allowed.models, answer.allowed.effective, answer.allowed.weighed); return; }
     this.solved[answer.configuration] = answer.solved;
     this.first[answer.configuration] ??= answer.solved;
     if (answer.configuration === this.at) { this.fill(); this.say(); }
@@ -164,7 +241,7 @@ export class LivePanel {
     this.element.classList.toggle("outside", inside !== null && inside > 1);
     this.where.textContent = same ? "These are the updated values." : inside === null ? "Within the bounds. The update gives no distribution of the parameters."
       : inside <= 1 ? "Within the 95 % region of the update (linearised)."
-      : `Outside the 95 % region of the update (linearised), ${inside < 1.21 ? "just beyond its edge" : `${shown(Math.sqrt(inside), 2)} times as far as its edge`}: see what χ² says of these values.`;
+      : `Outside the 95 % region of the update (linearised), ${inside < 1.21 ? "just beyond its edge" : `${shown(Math.sqrt(inside), 2)} times as far as its edge`}.`;
     const useRegion = c.region && ((inside !== null && inside <= 1) || same);
     this.certificate.textContent = useRegion ? certificateText(c.region!, "of the 95 % region") : certificateText(c.bounds, "within the bounds");
   }
@@ -198,6 +275,8 @@ export class LivePanel {
     const kinds = Object.keys(first ?? {}), total = (of: Record<string, number> | null) => of && kinds.reduce((sum, k) => sum + of[k], 0) + this.live.others.reduce((sum, o) => sum + o.chi_square, 0);
     const line = (name: string, a: number | null | undefined, b: number | null | undefined, muted = false) =>
       h("tr", { class: muted ? "muted" : "" }, h("th", { scope: "row" }, name), h("td", { class: "right" }, shown(a)), h("td", { class: "right" }, shown(b)));
+    this.truth.textContent = first && now ? truthText(this.live, first, now) : "";
+    this.truth.classList.toggle("poor", this.truth.textContent.endsWith("against these values."));
     this.parts.replaceChildren(...kinds.map((k) => line(k, first?.[k], now?.[k])),
       ...this.live.others.map((o) => line(`${o.kind} (not computed again)`, o.chi_square, o.chi_square, true)), line("total", total(first), total(now)));
   }

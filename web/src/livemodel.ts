@@ -118,6 +118,21 @@ export class LiveModel {
     return { eigenvalues, freq_hz: eigenvalues.map((v) => Math.sqrt(Math.max(v, 0)) / (2 * Math.PI)), shapes, mass };
   }
 
+  /** yᵀ T y of the matrix of each term. */
+  forms(y: Float64Array): number[] {
+    const n = this.data.order, scaled = y.map((v, i) => v * this.size[i]);
+    return this.data.terms.map((term, k) => {
+      const z = term.kind === "mass" ? scaled : y, from = this.triangles[k];
+      let sum = 0;
+      for (let i = 0, at = 0; i < n; i++) {
+        let row = 0.5 * from[at++] * z[i];
+        for (let j = i + 1; j < n; j++, at++) row += from[at] * z[j];
+        sum += 2 * row * z[i];
+      }
+      return sum;
+    });
+  }
+
   /** Motion of the sensors in a shape. */
   seen(shape: Float64Array): Float64Array {
     const n = this.data.order, out = new Float64Array(this.sensors.length / n);

@@ -1,7 +1,8 @@
 // Texts and sums of the live model.
 
-import type { LiveCertificate, LiveParameter } from "./data.ts";
+import type { Live, LiveCertificate, LiveParameter } from "./data.ts";
 import { shown } from "./dom.ts";
+import { inRegion } from "./livemodel.ts";
 import type { Solved } from "./livemodel.ts";
 
 /** As many digits as a study file needs. */
@@ -25,9 +26,27 @@ export function partsOf(solved: Solved[]): Record<string, number> {
   return out;
 }
 
+/** Sum of squares over the kinds, each over the square of its factor. */
+export function scaledSquares(parts: Record<string, number>, factors: Record<string, number>): number {
+  return Object.entries(parts).reduce((sum, [kind, value]) => sum + value / (factors[kind] ?? 1) ** 2, 0);
+}
+
+/** What the true χ² says of the values; "" where a part of it is not computed again, or without a region. */
+export function truthText(live: Live, first: Record<string, number>, now: Record<string, number>): string {
+  const { region, draws, others } = live;
+  if (!region || others.length || draws?.reason) return "";
+  const factors = draws?.factors ?? {}, change = scaledSquares(now, factors) - scaledSquares(first, factors);
+  const limit = region.limit * (1 - inRegion(region, live.x));
+  const scaled = Object.values(factors).some((f) => f !== 1) ? ", with the factors on the standard deviations" : "";
+  const verdict = change <= limit ? "the data allow these values." : "the data speak against these values.";
+  return `χ² itself differs from that of the update by ${change > 0 ? "+" : ""}${shown(Math.abs(change) < 5e-4 ? 0 : change, 3)}${scaled}; 95 % limit ${shown(limit, 3)}: ${verdict}`;
+}
+
 /** What is said of the errors at a point. */
 export function certificateText(c: LiveCertificate, where: string): string {
   const size = (value: number) => (value < 1e-4 ? "less than 0.0001" : shown(value, 2));
   const mac = c.mac === null ? "" : `, and the MAC by ${size(c.mac)}`;
-  return `Errors of these numbers: frequencies differ from the model by ${size(c.frequency_percent)} %${mac}, the largest of ${c.points} points ${where}.`;
+  const of = c.reduced_percent === null ? "the full model" : "the reduced model that it was made of";
+  const own = c.reduced_percent === null ? "" : ` That model itself differs from the full one by ${size(c.reduced_percent)} %, as far as it was compared.`;
+  return `Errors of these numbers: frequencies differ from ${of} by ${size(c.frequency_percent)} %${mac}, the largest of ${c.points} points ${where}.${own}`;
 }

@@ -1,20 +1,31 @@
 // The worker that solves the live model, so that the page stays quick while a reader drags.
 
 import { unpack, type Live, type SceneData } from "./data.ts";
-import { LiveModel, verified, type Modes, type Solved } from "./livemodel.ts";
+import { inRegion, LiveModel, verified, type Modes, type Solved } from "./livemodel.ts";
+import { drawRows, extreme, logWeights, resampled, type Allowed, type Extreme } from "./liveregion.ts";
+import { partsOf, scaledSquares } from "./livetext.ts";
 
 export interface Begin { kind: "begin"; live: Live; shapes: (SceneData["live"])[] }
 export interface Solve { kind: "solve"; id: number; x: number[]; configurations: number[]; shape: { configuration: number; test: number } | null }
+/** Asks for models that the data allow. */
+export interface AskAllowed { kind: "allowed"; count: number }
+/** Asks for the lowest (−1) or highest (1) frequency of a test mode in the region. */
+export interface AskExtreme { kind: "extreme"; configuration: number; test: number; sign: number }
 /** A shape that is drawn: motion (points, 3), factor from the test's shape to it, and the partner. */
 export interface LiveShape { configuration: number; test: number; column: number; motion: Float32Array; factor: number }
 export type Answer =
   | { kind: "ready"; verified: boolean }
+  | { kind: "allowed"; allowed: Allowed }
+  | { kind: "extreme"; test: number; sign: number; extreme: Extreme | null }
   | { kind: "solved"; id: number; configuration: number; solved: Solved | null; shape: LiveShape | null; last: boolean };
 
+let live: Live;
 let models: LiveModel[] = [];
 let drawing: ({ vectors: Float32Array; weights: Float32Array; count: number } | null)[] = [];
 
-function begin({ live, shapes }: Begin): void {
+function begin(given: Begin): void {
+  const { shapes } = given;
+  live = given.live;
   const bounds = (which: "lower" | "upper") => live.parameters.map((p) => (p[which] - p.nominal) / p.scale);
   models = live.configurations.map((c) => new LiveModel(c, bounds("lower"), bounds("upper")));
   drawing = shapes.map((s) => s && { vectors: unpack(s.vectors), weights: unpack(s.weights), count: s.weights.shape[0] });
@@ -48,4 +59,27 @@ function shapeOf(k: number, test: number, modes: Modes, solved: Solved): LiveSha
 
 function answer(message: Answer, transfer: Transferable[] = []): void { (self as unknown as Worker).postMessage(message, transfer); }
 
-self.onmessage = (e: MessageEvent<Begin | Solve>) => (e.data.kind === "begin" ? begin(e.data) : solve(e.data));
+/** Sum of squares of all residuals, with the factors on their standard deviations; null where a model has no modes. */
+function trueSquares(x: number[], factors: Record<string, number>): number | null {
+  const all = models.map((model) => { const modes = model.modes(x); return modes && model.solve(modes); });
+  return all.every((s) => s !== null) ? scaledSquares(partsOf(all as Solved[]), factors) : null;
+}
+
+function allowed({ count }: AskAllowed): void {
+  const { draws, region } = live, rows = draws ? drawRows(draws) : [];
+  if (!draws || !draws.linear || draws.reason || !region) {
+    answer({ kind: "allowed", allowed: { models: rows.slice(0, count), effective: rows.length, weighed: false } });
+    return;
+  }
+  const at: [number, number] = [inRegion(region, live.x) * region.limit, trueSquares(live.x, draws.factors) ?? 0];
+  const logs = logWeights(draws.linear, rows.map((x) => trueSquares(x, draws.factors)), at, draws.degrees, region.moving.length);
+  const { chosen, effective } = resampled(logs, count);
+  answer({ kind: "allowed", allowed: { models: chosen.map((i) => rows[i]), effective, weighed: true } });
+}
+
+self.onmessage = ({ data }: MessageEvent<Begin | Solve | AskAllowed | AskExtreme>) => {
+  if (data.kind === "begin") begin(data);
+  else if (data.kind === "solve") solve(data);
+  else if (data.kind === "allowed") allowed(data);
+  else answer({ kind: "extreme", test: data.test, sign: data.sign, extreme: extreme(models[data.configuration], live.region, live.x, data.test, data.sign) });
+};

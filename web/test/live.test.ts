@@ -4,7 +4,8 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { largestPairs } from "../src/eigen.ts";
 import { assignment, chebyshev, differences, inRegion, LiveModel, macOf, polynomial, verified } from "../src/livemodel.ts";
-import { certificateText, partsOf, studyLines } from "../src/livetext.ts";
+import { eigenvalueGradient, extreme, linearOptimum, logWeights, resampled } from "../src/liveregion.ts";
+import { certificateText, partsOf, scaledSquares, studyLines, truthText } from "../src/livetext.ts";
 import type { LiveConfiguration, Packed } from "../src/data.ts";
 
 /** Numbers between −1 and 1 that every language makes alike. */
@@ -71,9 +72,40 @@ test("the assignment with the smallest sum", () => {
 });
 
 test("the region is an ellipsoid about its centre", () => {
-  const region = { moving: [1], at: [2], rows: [3], offset: [0.5], limit: 4 };
+  const region = { moving: [1], at: [2], rows: [3], offset: [0.5], limit: 4, centre: [2 - 0.5 / 3], spread: [1 / 3], radius_square: 4 };
   assert.equal(inRegion(region, [99, 2.5]), 1);
   assert.ok(inRegion(region, [99, 2.6]) > 1 && inRegion(region, [99, 2.4]) < 1);
+});
+
+test("the optimum of a linear function in the region stays in the bounds", () => {
+  // |(x − 1, 2(y − 1))| ≤ 1
+  const region = { moving: [0, 1], at: [1, 1], rows: [1, 0, 0, 2], offset: [0, 0], limit: 1, centre: [1, 1], spread: [1, 0, 0, 0.5], radius_square: 1 };
+  const wide = linearOptimum(region, [1, 1], [1, 2], [0, 0], [3, 3]);
+  assert.ok(Math.abs(wide[0] - 1 - Math.SQRT1_2) < 1e-12 && Math.abs(wide[1] - 1 - 0.5 * Math.SQRT1_2) < 1e-12);
+  const cut = linearOptimum(region, [1, 1], [1, 2], [0, 0], [1.2, 3]);
+  assert.ok(cut[0] <= 1.2 && inRegion(region, cut) <= 1 + 1e-9);
+  assert.deepEqual(linearOptimum(null, [1, 1], [-1, 2], [0, 0], [3, 4]), [0, 4]);
+});
+
+test("the lowest and the highest frequency in a region, by a closed form", () => {
+  const model = chain(0), at = [0.1], region = { moving: [0], at: [0.1], rows: [5], offset: [0], limit: 1, centre: [0.1], spread: [0.2], radius_square: 1 };
+  const exact = (x: number) => { const half = 1.5 + x; return Math.sqrt(half - Math.sqrt(half * half - (1 + x))) / (2 * Math.PI); };
+  const modes = model.modes(at)!, h = 1e-5, slope = (model.modes([0.1 + h])!.eigenvalues[0] - model.modes([0.1 - h])!.eigenvalues[0]) / (2 * h);
+  assert.ok(Math.abs(eigenvalueGradient(model, at, modes, 0)[0] - slope) < 1e-8);
+  assert.ok(Math.abs(extreme(model, region, at, 0, -1)!.freq_hz - exact(-0.1)) < 1e-9);
+  assert.ok(Math.abs(extreme(model, region, at, 0, 1)!.freq_hz - exact(0.3)) < 1e-9);
+});
+
+test("samples are weighted by the true sum of squares, and those without modes do not count", () => {
+  const logs = logWeights([1, 1, 4], [3, null, 4], [0, 2], null, 1);
+  assert.deepEqual(logs, [0, -Infinity, 1]);
+  // Student's t with few degrees of freedom
+  assert.ok(Math.abs(logWeights([0], [3], [0, 0], 2, 2)[0] + 2 * Math.log(2.5)) < 1e-12);
+  const { chosen, effective } = resampled([0, -Infinity, 0, 0], 2);
+  assert.equal(effective, 3);
+  assert.deepEqual(chosen, [0, 3]);
+  assert.deepEqual(resampled([-Infinity], 2), { chosen: [], effective: 0 });
+  assert.equal(scaledSquares({ frequency: 8, shape: 3 }, { frequency: 2 }), 5);
 });
 
 test("differences of shapes in their scales", () => {
@@ -89,10 +121,18 @@ test("frequencies with an error that all share count less", () => {
   assert.deepEqual(partsOf([one]), { frequency: 8 - 16 / 3, shape: 1 });
 });
 
+test("what the true sum of squares says beside the limit of the region", () => {
+  const region = { moving: [0], at: [0], rows: [1], offset: [0], limit: 4, centre: [0], spread: [1], radius_square: 4 };
+  const live = { region, x: [0], draws: null, others: [], parameters: [], configurations: [] };
+  assert.match(truthText(live, { frequency: 1 }, { frequency: 4.5 }), /differs from that of the update by \+3\.5; 95 % limit 4: the data allow these values\.$/);
+  assert.match(truthText(live, { frequency: 1 }, { frequency: 5.5 }), /the data speak against these values\.$/);
+  assert.equal(truthText({ ...live, others: [{ kind: "FRF", chi_square: 1 }] }, { frequency: 1 }, { frequency: 4.5 }), "");
+});
+
 test("values as lines of a study, and what is said of errors", () => {
   const p = { name: "Icx1", unit: "", nominal: 1, updated: 0.6, lower: 0.2, upper: 3, scale: 1, interval: null };
   assert.equal(studyLines([p], [0.61234567]), '[[parameter]]\nname = "Icx1"\nnominal = 0.612346\n');
-  assert.match(certificateText({ points: 50, frequency_percent: 0.0123, mac: 1e-9 }, "of the 95 % region"), /by 0\.012 %, and the MAC by less than 0\.0001, the largest of 50 points of the 95 % region/);
+  assert.match(certificateText({ points: 50, frequency_percent: 0.0123, mac: 1e-9, reduced_percent: 0.002 }, "of the 95 % region"), /by 0\.012 %, and the MAC by less than 0\.0001, the largest of 50 points of the 95 % region\. That model itself differs from the full one by 0\.002 %/);
 });
 
 function packed(values: Float64Array, shape: number[]): Packed {
@@ -114,7 +154,7 @@ function chain(check: number): LiveModel {
     sensors: packed(Float64Array.of(basis[0][0], basis[1][0], basis[0][1], basis[1][1]), [2, 2]),
     test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0]],
     parts: [{ kind: "frequency", quantity: "frequency", form: "eigenvalue", test: 0, sd: 0.5, sensors: [], weights: null, common: 0 }],
-    region: null, bounds: { points: 1, frequency_percent: 0, mac: null },
+    region: null, bounds: { points: 1, frequency_percent: 0, mac: null, reduced_percent: null },
     checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0 }],
   };
   return new LiveModel(data, [-1], [1]);

@@ -23,7 +23,8 @@ def bounds(one: Structure, test: Recorded) -> tuple[Reals, Reals]:
 def _known_force(one: Structure, test: Recorded) -> tuple[Reals, Reals]:
     """All residues, and two real terms a function for what lies outside of the band, are unknown too.
 
-    The lines of a block are Y = H F + N with the noise of the responses, which is white.
+    The lines of a block are Y = H (F + ν) + N with the noises of the force and of the responses, which are white. ν is
+    the same for all responses, whose noise together is N Nᴴ + |ν|² H Hᴴ.
     """
     assert test.force is not None
     m, poles = one.inside, one.poles[: one.inside]
@@ -34,18 +35,40 @@ def _known_force(one: Structure, test: Recorded) -> tuple[Reals, Reals]:
     outside /= np.abs(outside).max(axis=0)
     basis = weight[:, None] * np.hstack([fractions + mirrored, 1j * (fractions - mirrored), outside])
     span, _ = np.linalg.qr(_real(basis / np.linalg.norm(basis, axis=0)))
-    information = np.zeros((2 * m, 2 * m))
-    own = 2.0 * np.pi * one.freq_hz[:m] * np.sqrt(1.0 - one.damping_ratio[:m] ** 2)
-    for shape, sd in zip(one.shapes, test.noise_sd):
-        residues = shape[:m] * one.shapes[0, :m] / (2j * own)
-        first, second = residues * s**2 / (s - poles) ** 2, residues.conj() * s**2 / (s - poles.conj()) ** 2
+    k, n = len(omega), len(one.shapes)
+    own = 2.0 * np.pi * one.freq_hz * np.sqrt(1.0 - one.damping_ratio**2)
+    # the lines of a block have half of samples · variance in each part
+    samples = 0.5 * (test.blocks[0][1] - test.blocks[0][0])
+    slopes, loaded = np.empty((n, k, 2 * m), complex), np.empty((n, k), complex)
+    for f, (shape, sd) in enumerate(zip(one.shapes, test.noise_sd)):
+        residues = shape * one.shapes[0] / (2j * own)
+        first = residues[:m] * s**2 / (s - poles) ** 2
+        second = residues[:m].conj() * s**2 / (s - poles.conj()) ** 2
         moved = _real(weight[:, None] * np.hstack([first + second, 1j * (first - second)]))
         moved -= span @ (span.T @ moved)
-        # the lines of a block have half of samples · variance in each part
-        samples = test.blocks[0][1] - test.blocks[0][0]
-        information += moved.T @ moved / (0.5 * samples * sd**2)
-    covariance = _inverse(information)
-    return _of_poles(covariance, poles)
+        slopes[f] = (moved[:k] + 1j * moved[k:]) / np.sqrt(samples * sd**2)
+        every = residues * s**2 / (s - one.poles) + residues.conj() * s**2 / (s - one.poles.conj())
+        loaded[f] = every.sum(axis=1) / np.sqrt(samples * sd**2)
+    information = np.einsum("fka,fkb->ab", slopes.conj(), slopes, optimize=True).real
+    information -= _of_force(slopes, span[:k] + 1j * span[k:], loaded, samples * test.force_sd**2)
+    return _of_poles(_inverse(information), poles)
+
+
+def _of_force(
+    slopes: NDArray[np.complex128], span: NDArray[np.complex128], loaded: NDArray[np.complex128], force: float
+) -> Reals:
+    """(2m, 2m) what the noise of the force takes from the information; lines with less than 1 % of it have none."""
+    g = np.sum(np.abs(loaded) ** 2, axis=0)
+    kept = np.flatnonzero(force * g > 0.01)
+    root = np.sqrt(force / (1.0 + force * g[kept]))
+    to_poles = _real(root[:, None] * np.einsum("fk,fka->ka", loaded[:, kept].conj(), slopes[:, kept]))
+    to_columns = (root * loaded[:, kept].conj()).T[:, :, None] * span[kept, None, :]
+    to_columns = _real(to_columns.reshape(len(kept), loaded.shape[0] * span.shape[1]))
+    taken = to_poles.T @ to_poles
+    across = to_columns.T @ to_poles
+    rest = -(to_columns.T @ to_columns)
+    rest[np.diag_indices(len(rest))] += 1.0
+    return np.asarray(taken + across.T @ np.linalg.solve(rest, across))
 
 
 def _spectrum(test: Recorded) -> tuple[Reals, Reals]:

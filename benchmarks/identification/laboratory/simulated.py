@@ -22,6 +22,8 @@ CHANNELS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 40)
 NOISE_DB = (20, 30, 40, 50, 60)
 CLOSE = (None, None, 1.0, 0.3, 0.1)
 """Distance of the two modes of a close pair over the mean of their half-power bandwidths; None: no pair."""
+FORCE_NOISE = 1e-4
+"""Noise of the force beside its rms: the chain is good, 80 dB."""
 AMBIENT_S = 200.0
 SWEEP_S = 100.0
 BURSTS = 8
@@ -102,6 +104,7 @@ class Recorded:
     force : (samples,) as recorded, or None
     blocks : first and last sample of each hit, burst or sweep
     noise_sd : (n,) of the noise of the responses
+    force_sd : of the noise of the force
     lines_hz : harmonics in the record
     """
 
@@ -111,6 +114,7 @@ class Recorded:
     blocks: tuple[tuple[int, int], ...]
     noise_sd: Reals
     lines_hz: tuple[float, ...] = ()
+    force_sd: float = 0.0
 
 
 def recorded(one: Structure, kind: str) -> Recorded:
@@ -149,10 +153,10 @@ def _forced(one: Structure, kind: str, rng: np.random.Generator) -> Recorded:
     motion = _response(one, one.shapes[0][:, None] * force, np.zeros(len(one.shapes)))
     size = motion.std(axis=1) * 10.0 ** (-one.noise_db / 20.0)
     noisy = motion + size[:, None] * rng.standard_normal(motion.shape)
-    # the chain of the force is good: noise 80 dB below its rms
-    measured = force + 1e-4 * force.std() * rng.standard_normal(samples)
+    force_sd = FORCE_NOISE * float(force.std())
+    measured = force + force_sd * rng.standard_normal(samples)
     blocks = tuple((i * block, (i + 1) * block) for i in range(count))
-    return Recorded(noisy, ("acceleration",) * len(noisy), measured, blocks, size)
+    return Recorded(noisy, ("acceleration",) * len(noisy), measured, blocks, size, force_sd=force_sd)
 
 
 def _ambient(one: Structure, kind: str, rng: np.random.Generator) -> Recorded:

@@ -247,6 +247,21 @@ class LiveRegionView:
     rows: tuple[float, ...]
     offset: tuple[float, ...]
     limit: float
+    centre: tuple[float, ...]
+    spread: tuple[float, ...]
+    radius_square: float
+
+
+@dataclass(frozen=True)
+class LiveDrawsView:
+    """Values of the parameters from which the page chooses; see `LiveDraws` of the results."""
+
+    source: str
+    x: Packed
+    linear: tuple[float, ...] | None
+    degrees: float | None
+    factors: dict[str, float]
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -277,11 +292,13 @@ class LivePartView:
 
 @dataclass(frozen=True)
 class LiveCertificateView:
-    """Largest errors at some points: of frequencies in %, of MACs."""
+    """Largest errors at some points: of frequencies in %, of MACs; `reduced_percent` is the error of the reduced model
+    that the live one was compared with, None where it was compared with the full one."""
 
     points: int
     frequency_percent: float
     mac: float | None
+    reduced_percent: float | None
 
 
 @dataclass(frozen=True)
@@ -332,6 +349,7 @@ class LiveView:
     parameters: tuple[LiveParameterView, ...]
     x: tuple[float, ...]
     region: LiveRegionView | None
+    draws: LiveDrawsView | None
     configurations: tuple[LiveConfigurationView, ...]
     others: tuple[LiveOtherView, ...]
 

@@ -78,7 +78,11 @@ def _matches(table: PoleTable, here: NDArray, there: NDArray, limits: Limits) ->
     return near
 
 
-def cluster(table: PoleTable, farthest: float = 0.05) -> list[NDArray[np.int64]]:
+FARTHEST = 0.05
+"""Mean distance of two poles in a cluster at most."""
+
+
+def cluster(table: PoleTable, farthest: float = FARTHEST) -> list[NDArray[np.int64]]:
     """Positions of poles that are the same one in other orders and methods, by ascending frequency.
 
     The distance of two poles is |λ_i − λ_j| / max(|λ_i|, |λ_j|) + 1 − MAC, clustered by average linkage; with one
@@ -142,6 +146,7 @@ class Candidate:
     reason : why, in words
     name : of the mode, "" for its number
     left : whether the fit moved its pole to another place
+    divided : whether it is one of two modes whose poles are one cluster, with a shape that is a mixture of theirs
     """
 
     freq_hz: float
@@ -157,6 +162,7 @@ class Candidate:
     reason: str
     name: str = ""
     left: bool = False
+    divided: bool = False
 
 
 @dataclass(frozen=True)
@@ -209,8 +215,39 @@ def choose(table: PoleTable, limits: Limits = Limits(), rule: Rule = Rule()) -> 
     firm = np.flatnonzero(stable(table, limits))
     groups = [firm[group] for group in cluster(table.select(firm))]
     orders = _orders(table)
-    candidates = [_candidate(table, group, orders, rule) for group in groups]
+    candidates = [one for group in groups for one in _divided(_candidate(table, group, orders, rule), table, rule)]
+    candidates.sort(key=lambda c: c.freq_hz)
     return tuple(_without_duplicates(candidates, table, rule))
+
+
+def _divided(one: Candidate, table: PoleTable, rule: Rule) -> list[Candidate]:
+    """The parts of a cluster of one response that are modes of their own: no shapes keep close modes apart.
+
+    Many orders have both of two modes, each always on its side; the cluster is divided at ever smaller distances until
+    each of two parts is a mode by the rule, and as many orders have both.
+    """
+    if len(table.dofs) > 1 or not one.chosen:
+        return [one]
+    orders, members = _orders(table), table.select(one.members)
+    farthest = 0.5 * FARTHEST
+    while farthest > rule.same:
+        parts = [_candidate(table, one.members[group], orders, rule) for group in cluster(members, farthest)]
+        modes = [part for part in parts if part.chosen and _agreed(part, rule)]
+        if len(modes) > 1 and all(_share_together(a, b, table) >= rule.share for a, b in pairwise(modes)):
+            return parts
+        farthest *= 0.5
+    return [one]
+
+
+def _agreed(one: Candidate, rule: Rule) -> bool:
+    """Whether two methods have the pole, where there are two: one alone divides poles by noise at high orders."""
+    return sum(share >= 0.5 * rule.share for share in one.share.values()) >= min(2, len(one.share))
+
+
+def _share_together(a: Candidate, b: Candidate, table: PoleTable) -> float:
+    """Part of the orders of a method that have poles of both clusters, of the method that has most."""
+    both = set.intersection(*({(table.method[i], int(table.order[i])) for i in c.members} for c in (a, b)))
+    return max(sum(name == method for name, _ in both) / count for method, count in _orders(table).items())
 
 
 def change_choice(

@@ -42,6 +42,12 @@ class EqualisedTest:
     largest_order: int = 0
 
     @property
+    def outside_ratio(self) -> float:
+        """Damping ratio for modes outside the band, whose poles keep theirs: the median of those inside."""
+        zeta = self.moved.damping_ratio
+        return float(np.median(zeta)) if len(zeta) else self.damping_ratio
+
+    @property
     def misfit(self) -> float:
         """Median over the functions of the relative error of the identified system, before its poles are moved."""
         return float(np.median(self.identified.quality.error))

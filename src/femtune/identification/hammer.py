@@ -31,6 +31,8 @@ DOUBLE = 0.2
 """Part of the longest time from one hit to the next; hits that follow sooner are bounces of the hammer."""
 FLAT = 3
 """Equal samples in a row at the largest value of a channel, from which the channel was overloaded in a hit."""
+QUIET = 2e-6
+"""Part of the energy of the force that comes before a hit."""
 _EXTREME = 0.98
 """Part of the largest value of a channel over the record above which a hit may have overloaded it."""
 _BEFORE = 8
@@ -101,6 +103,12 @@ def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_win
     if force_window is not None:
         pieces = [_with_force_window(piece, before + force_window) for piece in pieces]
     return Hits(tuple(pieces), (*left, *cut))
+
+
+def samples_before(record: TimeSeries) -> int:
+    """Samples before the first hit and before the ringing of a filter ahead of it."""
+    energy = np.cumsum(_force(record) ** 2)
+    return int(np.searchsorted(energy, QUIET * energy[-1]))
 
 
 def still_moving(blocks: Sequence[TimeSeries]) -> float:

@@ -107,8 +107,8 @@ def _away(fit: ModalFit, chosen: Sequence[Candidate], table: PoleTable, band_hz:
     clusters = [chosen[i] for i in fit.begun_at[inside].tolist()]
     freq, ratio = freq_and_damping(ends)
     damping = np.array([c.damping_ratio for c in clusters])
-    distance = np.array([_distance(end, table.poles[c.members]) for end, c in zip(ends, clusters)])
-    allowed = np.maximum(np.clip(HALF_BANDWIDTHS * damping, LEAST, MOST), damping)
+    distance = np.array([distance_from(end, table.poles[c.members]) for end, c in zip(ends, clusters)])
+    allowed = allowed_distance(damping)
     alike = np.diag(mac_where_defined(shapes, table.shapes[:, [c.at for c in clusters]]))
     found = {}
     for r, i in enumerate(inside.tolist()):
@@ -118,14 +118,19 @@ def _away(fit: ModalFit, chosen: Sequence[Candidate], table: PoleTable, band_hz:
             found[i] = "identify.left-cluster"
         elif not band_hz[0] <= freq[r] <= band_hz[1]:
             found[i] = "identify.left-cluster/band"
-        elif len(shapes) > 1 and alike[r] < LEAST_MAC:
+        elif len(shapes) > 1 and alike[r] < LEAST_MAC and not clusters[r].divided:
             found[i] = "identify.left-cluster/shape"
         elif _is_another(r, ends, shapes, distance):
             found[i] = "identify.left-cluster/another"
     return found
 
 
-def _distance(end: complex, members: Complexes) -> float:
+def allowed_distance(damping: Reals) -> Reals:
+    """Relative distance of an end from the poles of a cluster up to which it is in place."""
+    return np.asarray(np.maximum(np.clip(HALF_BANDWIDTHS * damping, LEAST, MOST), damping))
+
+
+def distance_from(end: complex, members: Complexes) -> float:
     """Relative distance of a pole from the nearest one of a cluster, whose poles may be far from each other."""
     return float(np.min(np.abs(end - members) / np.abs(members)))
 

@@ -16,6 +16,7 @@ from scipy.special import chdtri
 from femtune.arrays import Complexes, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.choice import Candidate
+from femtune.identification.in_place import allowed_distance, distance_from
 from femtune.identification.modal_fit import ModalFit
 from femtune.identification.near_band import gain
 from femtune.identification.pole_table import PoleTable
@@ -25,6 +26,10 @@ CHANCE = 1e-9
 """Probability of what a pole of noise would explain: there are many places where one could be."""
 LEAST_SHARE = 0.1
 """Part of the orders of a method that have the pole at least."""
+MOST_DIVIDED = 3
+"""Modes that are tried as two."""
+PARTS = (0.5, 0.15)
+"""Distances from a mode of the two that are tried in its place, in half bandwidths."""
 MOST_TRIALS = 8
 """Clusters that are tried, those of the largest share first."""
 LEAST_WHITE = 0.7
@@ -41,10 +46,17 @@ _APART = 0.2
 
 Refit = Callable[[Complexes, Complexes], ModalFit]
 """The fit that starts from poles of modes and poles outside the band."""
+Search = Callable[[Complexes], ModalFit]
+"""The fit that starts from poles of modes and looks for those outside the band."""
 
 
 def with_needed_modes(
-    fit: ModalFit, candidates: Sequence[Candidate], table: PoleTable, refit: Refit, line: Reals | None = None
+    fit: ModalFit,
+    candidates: Sequence[Candidate],
+    table: PoleTable,
+    refit: Refit,
+    line: Reals | None = None,
+    search: Search | None = None,
 ) -> tuple[ModalFit, tuple[Candidate, ...]]:
     """The fit with the clusters that the data need, which are chosen then.
 
@@ -52,6 +64,7 @@ def with_needed_modes(
     ----------
     fit : of the candidates that are chosen, in their order
     line : (k,) weights of the lines, where they are not equal
+    search : where it is given, a cluster may be two modes, after which modes outside the band are looked for again
     """
     kept, now_fit, added = list(candidates), fit, []
     for i in _tried(candidates):
@@ -63,16 +76,56 @@ def with_needed_modes(
             trial = refit(np.array([now[j] for j in sorted(now)]), now_fit.poles[now_fit.outside])
         except (FemtuneError, np.linalg.LinAlgError):
             continue
-        if _explains(trial, now_fit, sorted(now).index(i)):
+        place = sorted(now).index(i)
+        end = complex(trial.poles[trial.begun_at == place][0])
+        away = distance_from(end, table.poles[kept[i].members])
+        # one that ends elsewhere says nothing about its cluster
+        if away <= allowed_distance(np.array(kept[i].damping_ratio)) and _explains(trial, now_fit, place):
             now_fit = trial
             added.append(i)
             kept[i] = replace(kept[i], chosen=True, reason=f"{kept[i].reason}; the functions are noise only with it")
+    if not added and search is not None:
+        kept, now_fit, added = _with_divided(kept, now_fit, refit, search, line)
     chosen = [j for j, c in enumerate(kept) if c.chosen]
     ends = [now_fit.poles[now_fit.begun_at == chosen.index(i)][0] for i in added]
     # one that hides others is no noise near it before these are there too
     if not added or not all(_is_white(now_fit, _near(now_fit.measured.freq_hz, end), line) for end in ends):
         return fit, tuple(candidates)
     return now_fit, tuple(kept)
+
+
+def _with_divided(
+    kept: list[Candidate], fit: ModalFit, refit: Refit, search: Search, line: Reals | None
+) -> tuple[list[Candidate], ModalFit, list[int]]:
+    """With the mode of a cluster divided into two, where the errors near it are no noise and become noise.
+
+    Two modes closer than their bandwidth, with one response or with shapes that are alike, are one cluster of poles.
+    """
+    chosen = [j for j, c in enumerate(kept) if c.chosen]
+    inside = np.flatnonzero(~fit.outside)
+    rough = [r for r in inside.tolist() if not _is_white(fit, _near(fit.measured.freq_hz, fit.poles[r]), line)]
+    best: tuple[ModalFit, int] | None = None
+    for r in rough[:MOST_DIVIDED]:
+        i = int(fit.begun_at[r])
+        start = fit.poles[~fit.outside][np.argsort(fit.begun_at[~fit.outside])]
+        for part in PARTS:
+            step = part * 1j * abs(fit.poles[r].real)
+            poles = np.concatenate([start[:i], [start[i] - step, start[i] + step], start[i + 1 :]])
+            try:
+                trial = refit(poles, fit.poles[fit.outside])
+            except (FemtuneError, np.linalg.LinAlgError):
+                continue
+            if _explains(trial, fit, i) and _explains(trial, fit, i + 1):
+                best = (trial, i) if best is None or trial.deviance < best[0].deviance else best
+                break
+    if best is None:
+        return kept, fit, []
+    trial, j = best[0], chosen[best[1]]
+    # modes outside the band may have stood for what is one more mode
+    fit = search(trial.poles[~trial.outside][np.argsort(trial.begun_at[~trial.outside])])
+    reason = f"{kept[j].reason}; the functions are noise only with two modes here"
+    first = replace(kept[j], reason=reason, divided=True)
+    return [*kept[:j], first, replace(first, name=""), *kept[j + 1 :]], fit, [j, j + 1]
 
 
 def _tried(candidates: Sequence[Candidate]) -> list[int]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Complexes
 from femtune.errors import FemtuneError, Notice, with_notices
+from femtune.identification.beyond_band import system_beyond
 from femtune.identification.choice import (
     CHOSEN_BY_USER,
     Candidate,
@@ -21,6 +22,7 @@ from femtune.identification.choice import (
     chosen_poles,
     pick_poles,
 )
+from femtune.identification.force_noise import with_force_noise
 from femtune.identification.frf_checks import check_frfs, dead_responses
 from femtune.identification.in_place import in_place
 from femtune.identification.information import with_needed_modes
@@ -44,7 +46,7 @@ from femtune.identification.shapes import (
     without_noise,
 )
 from femtune.identification.significance import without_poles_of_noise
-from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
+from femtune.identification.state_space_fit import SystemFit
 from femtune.identification.whole_record import WholeRecord, binned
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 from femtune.modal.frf_set import KINDS
@@ -66,12 +68,15 @@ class InputKnown:
     take, drop : frequencies in Hz of candidates that are accepted as modes, or rejected, regardless of the rule
     picked : poles that are the modes, in place of all that the rule chooses; none where empty
     rigid : mass-normalised rigid-body modes whose motion is taken away first and put back into the system
-    low, high : residual modes below and above the band that the system gets
+    low, high : residual modes below and above the band that the system gets; None: as many as the functions want
     reciprocal : whether the system is reciprocal
     real : real shapes
     exponential_s : time constant τ of an exponential window e^{−t/τ} with which the functions were made. They are those
         of the structure at s = iω + 1/τ; poles, modes and system are those without the window
     suspension_hz : modes below it are rigid-body motions on a suspension, which are fitted and not reported
+    by_reciprocity : functions of more forces than responses, as a hammer that roves gives them, are identified as those
+        of so many responses: H_ij = H_ji. The shapes are at the points of the forces then, the measured and the
+        synthesised functions have their axes exchanged, and the system has those that were measured
     """
 
     band_hz: tuple[float, float] | None = None
@@ -83,12 +88,13 @@ class InputKnown:
     drop: tuple[float, ...] = ()
     picked: tuple[PickedPole, ...] = ()
     rigid: ModeSet | None = None
-    low: int = 1
-    high: int = 2
+    low: int | None = None
+    high: int | None = None
     reciprocal: bool = False
     real: bool = True
     exponential_s: float | None = None
     suspension_hz: float = 0.0
+    by_reciprocity: bool = True
 
     def __post_init__(self) -> None:
         unknown = set(self.methods) - set(KNOWN_INPUT)
@@ -158,9 +164,17 @@ def identify_frfs(
         ``identify.missing-pair``, ``identify.missing-lines``, ``identify.no-candidate``, ``identify.rigid-modes``,
         ``identify.no-driving-point``
     """
-    told = check_frfs(frfs)
+    told = list(check_frfs(frfs))
+    roving = whole is None and asked.by_reciprocity and len(frfs.references) > len(frfs.responses)
+    used = _without_dead(frfs)
+    if roving:
+        counts = {"n_forces": len(frfs.references), "n_responses": len(frfs.responses)}
+        told.append(Notice("identify.reciprocity", level="info", **counts))
+        used, sd = used.transposed(), None if sd is None else np.swapaxes(sd, 0, 1)
     with with_notices(told):
-        identified = _identified(_without_dead(frfs), asked, sd, whole)
+        identified = _identified(used, asked, sd, whole)
+    if roving:
+        identified = replace(identified, system=identified.system.transposed())
     return replace(identified, notices=(*told, *identified.notices))
 
 
@@ -190,15 +204,21 @@ def _identified(
     start, terms = chosen_poles(candidates, table).poles, terms_outside(asked)
     lines = of_record if of_record is None or asked.band_hz is None else of_record.inside(*band)
     fitted, known = (elastic, errors) if lines is None else (lines.frfs, None)
-    fit = fit_with_neighbours(fitted, start, known, terms, lines)
 
     def refit(inside: Complexes, outside: Complexes) -> ModalFit:
         return fit_modes(fitted, inside, known, terms, neighbours=outside, whole=lines)
 
+    def search(inside: Complexes) -> ModalFit:
+        return fit_with_neighbours(fitted, inside, known, terms, lines)
+
+    fit = search(start)
     # functions that were made elsewhere have errors that are no noise: frequencies that change between hits, windows
     if lines is not None and not asked.picked:
-        fit, candidates = with_needed_modes(fit, candidates, table, refit, lines.line)
+        fit, candidates = with_needed_modes(fit, candidates, table, refit, lines.line, search)
         chosen = np.flatnonzero([c.chosen for c in candidates])
+        by_hand = [c.reason == CHOSEN_BY_USER for c in candidates]
+    if lines is not None and fit.converged:
+        fit = with_force_noise(fit, lines, terms)
     if lines is not None:
         fit = _beside_functions(fit, elastic, lines, terms)
     of_system = _system(motion, fit, band, asked)
@@ -299,8 +319,7 @@ def terms_outside(asked: InputKnown) -> tuple[str, ...]:
 
 
 def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: InputKnown) -> SystemFit:
-    poles = np.concatenate([fit.poles, residual_poles(band, asked.low, asked.high)])
-    return system_fit(elastic, poles, reciprocal=asked.reciprocal)
+    return system_beyond(elastic, fit.poles, band, asked.low, asked.high, reciprocal=asked.reciprocal)
 
 
 def _ends(fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:

@@ -21,7 +21,7 @@ from scipy.special import chdtri
 from femtune.arrays import Complexes, Flags, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.join import complete_lines
-from femtune.identification.modal_solve import OUT_OF_BAND, Solved, modal_basis, solve_residues, with_transients
+from femtune.identification.modal_solve import OUT_OF_BAND, Solved, left_squares, modal_basis, solve_residues
 from femtune.identification.whole_record import WholeRecord
 from femtune.modal import FrfSet
 
@@ -135,8 +135,13 @@ def deviance_at(
     """The `deviance` of a fit that keeps its poles; arguments and errors as of `fit_modes`."""
     used = complete_lines(frfs)
     _check_start(poles, used, terms)
-    kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
-    return _deviance(_Problem(used, kept, terms, whole).solve(poles), len(used.freq_hz), sd is not None)
+    if sd is None:
+        values = used.values.reshape(-1, len(used.freq_hz))
+        basis = modal_basis(used.freq_hz, poles, used.kind, terms) if whole is None else whole.basis(poles, terms)
+        squares = left_squares(values, basis.columns, None if whole is None else whole.line)
+        return float(2.0 * len(used.freq_hz) * np.sum(np.log(np.maximum(squares, np.finfo(float).tiny))))
+    kept = sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
+    return _deviance(_Problem(used, kept, terms, whole).solve(poles), len(used.freq_hz), stated=True)
 
 
 def _check_start(poles: Complexes, frfs: FrfSet, terms: tuple[str, ...]) -> None:
@@ -159,10 +164,9 @@ class _Problem:
 
     def solve(self, poles: Complexes) -> Solved:
         values, freq = self.frfs.values.reshape(-1, len(self.frfs.freq_hz)), self.frfs.freq_hz
-        basis = modal_basis(freq, poles, self.frfs.kind, self.terms)
         if self.whole is not None:
-            basis = with_transients(basis, freq, poles, self.whole.force)
-            return solve_residues(values, basis, None, len(poles), self.line)
+            return solve_residues(values, self.whole.basis(poles, self.terms), None, len(poles), self.line)
+        basis = modal_basis(freq, poles, self.frfs.kind, self.terms)
         # a standard deviation of a complex number is √2 times that of each part
         weights = None if self.sd is None else np.sqrt(2.0) / self.sd.reshape(values.shape)
         return solve_residues(values, basis, weights, len(poles))
@@ -210,9 +214,8 @@ def _as_fit(
     basis, c = modal_basis(frfs.freq_hz, poles, frfs.kind, problem.terms), now.coefficients
     ends = None
     if problem.whole is not None:
-        everything = c @ with_transients(basis, frfs.freq_hz, poles, problem.whole.force).columns.T
-        # without the residues and the terms of the transients
-        c = np.hstack([c[:, : 2 * m], c[:, 4 * m : 4 * m + len(problem.terms)]])
+        everything = c @ problem.whole.basis(poles, problem.terms).columns.T
+        c = problem.whole.of_functions(c, m, len(problem.terms))
         ends = everything - c @ basis.columns.T
     values = (c @ basis.columns.T).reshape(n, u, k)
     square = 2.0 * now.variance.reshape(n, u) if problem.sd is None else np.mean(problem.sd**2, axis=2)

@@ -29,26 +29,82 @@ class PartialFractions:
     ----------
     columns : (k, 2pm + terms) complex; those of Re R of every pole, then those of Im R, then the terms. With
         `transients` (p = 2) those of the residues of the transients follow Im R
-    slopes : (k, 4pm) derivatives by Re λ of the columns of every residue, then those by Im λ
+    by_decay : (k, 2pm) derivatives by Re λ of the columns of every residue
+    poles : m
     """
 
     columns: NDArray
-    slopes: NDArray
+    by_decay: NDArray
+    poles: int
+
+    @property
+    def slopes(self) -> NDArray:
+        """(k, 4pm) derivatives by Re λ of the columns of every residue, then those by Im λ."""
+        return np.hstack([self.by_decay, turned(self.by_decay, self.poles)])
 
 
-def with_transients(basis: PartialFractions, freq_hz: Reals, poles: Complexes, force: Complexes) -> PartialFractions:
+def turned(by_decay: NDArray, poles: int) -> NDArray:
+    """Derivatives by Im λ of the columns of all residues, on the last axis, from those by Re λ.
+
+    The column of Im R is i times that of Re R for each of the two fractions, and so is a step of λ.
+    """
+    values = by_decay.reshape(*by_decay.shape[:-1], -1, 2, poles)
+    return np.stack([values[..., 1, :], -values[..., 0, :]], axis=-2).reshape(by_decay.shape)
+
+
+def with_transients(
+    basis: PartialFractions, freq_hz: Reals, poles: Complexes, force: Complexes, step_s: float
+) -> PartialFractions:
     """The columns of H + T/U for the transform U of a force, where T is what the ends of a record leave out.
 
-    T has a residue of its own of each pole; two complex terms stand for poles outside of the band.
+    T is the transform of sampled decays with residues of their own of each pole; two complex terms stand for poles
+    outside of the band.
     """
-    m = len(poles)
-    own = modal_basis(freq_hz, poles, KINDS[0], ())
-    divided, slopes = own.columns / force[:, None], own.slopes / force[:, None]
+    turn = 2j * np.pi * step_s * freq_hz[:, None]
+    up, down = np.exp(poles * step_s - turn), np.exp(poles.conj() * step_s - turn)
+    a, b = (step_s / (1.0 - one) / force[:, None] for one in (up, down))
+    c, d = (step_s**2 * one / (1.0 - one) ** 2 / force[:, None] for one in (up, down))
     z = freq_hz[:, None] / freq_hz[-1]
     ends = np.hstack([np.ones_like(z), 1j * np.ones_like(z), z, 1j * z]) / force[:, None]
+    m = 2 * len(poles)
     return PartialFractions(
-        np.hstack([basis.columns[:, : 2 * m], divided, basis.columns[:, 2 * m :], ends]),
-        np.hstack([basis.slopes[:, : 2 * m], slopes[:, : 2 * m], basis.slopes[:, 2 * m :], slopes[:, 2 * m :]]),
+        np.hstack([basis.columns[:, :m], a + b, 1j * (a - b), basis.columns[:, m:], ends]),
+        np.hstack([basis.by_decay, c + d, 1j * (c - d)]),
+        len(poles),
+    )
+
+
+def with_cut_decays(
+    basis: PartialFractions, freq_hz: Reals, poles: Complexes, kind: str, force: Complexes, pulse: Reals, step_s: float
+) -> PartialFractions:
+    """The columns of H + T/U for a record from rest, where T is the decay that its end cuts off.
+
+    T has no residues of its own: at the end the response is R w(λ) with w = λ^d ∫ u e^{λ(t_end − τ)} dτ, and decays.
+
+    Parameters
+    ----------
+    force : (k,) U at the lines, which are those of the transform of the record
+    pulse : (samples,) u
+    """
+    m, d = len(poles), KINDS.index(kind)
+    left_s = step_s * np.arange(len(pulse), 0, -1)
+    at = np.flatnonzero(np.abs(pulse) > 0.0)
+    decays = pulse[at, None] * np.exp(left_s[at, None] * poles)
+    scale = step_s * poles**d
+    size = scale * decays.sum(axis=0)
+    slope = scale * (left_s[at, None] * decays).sum(axis=0) + size * d / poles
+    i_omega, columns, slopes = 2j * np.pi * freq_hz[:, None], [], []
+    for pole, w, dw in ((poles, size, slope), (poles.conj(), size.conj(), slope.conj())):
+        turn = np.exp((pole - i_omega) * step_s)
+        part = -1.0 / (1.0 - turn) / force[:, None]
+        columns.append(w * part)
+        slopes.append(dw * part + w * part * step_s * turn / (1.0 - turn))
+    (up, down), (a, b) = columns, slopes
+    return PartialFractions(
+        basis.columns
+        + np.hstack([up + down, 1j * (up - down), np.zeros((len(freq_hz), basis.columns.shape[1] - 2 * m))]),
+        basis.by_decay + np.hstack([a + b, 1j * (a - b)]),
+        m,
     )
 
 
@@ -68,8 +124,8 @@ def modal_basis(freq_hz: Reals, poles: Complexes, kind: str, terms: tuple[str, .
     columns = [up + down, 1j * (up - down)]
     columns += [{"lower": i_omega**-2, "upper": np.ones_like(i_omega)}[name] for name in terms]
     a, b = up**2, down**2
-    slopes = [a + b, 1j * (a - b), 1j * (a - b), -(a + b)]
-    return PartialFractions(factor * np.hstack(columns), factor * np.hstack(slopes))
+    by_decay = np.hstack([a + b, 1j * (a - b)])
+    return PartialFractions(factor * np.hstack(columns), factor * by_decay, len(poles))
 
 
 def real_rows(values: NDArray) -> Reals:
@@ -165,18 +221,31 @@ def solve_residues(
 
 
 def _part(values: Complexes, basis: PartialFractions, line: Reals) -> _WeightGroup:
-    rows = real_rows(np.hstack([basis.columns, basis.slopes]) * line[:, None])
-    q = basis.columns.shape[1]
+    rows = real_rows(np.hstack([basis.columns, basis.by_decay]) * line[:, None])
+    q, m = basis.columns.shape[1], basis.poles
     columns, slopes, data = rows[:, :q], rows[:, q:], real_rows((values * line).T)
     scale = np.linalg.norm(columns, axis=0)
     Q, R = qr(columns / scale, mode="economic", check_finite=False)
     shadow = Q.T @ slopes
     across = slopes - Q @ shadow
+    half = across.T @ across
+    inner = np.hstack([half, turned(half, m)])
+    inner = np.vstack([inner, turned(inner.T, m).T])
     coordinates = Q.T @ data
     errors = data - Q @ coordinates
-    half = solve_triangular(R, np.eye(q)) / scale[:, None]
-    squares, inner = np.sum(errors**2, axis=0), across.T @ across
-    return _WeightGroup((half @ coordinates).T, squares, half @ half.T, -half @ shadow, inner, across.T @ errors)
+    back = solve_triangular(R, np.eye(q)) / scale[:, None]
+    squares, by_errors = np.sum(errors**2, axis=0), across.T @ errors
+    by_errors = np.vstack([by_errors, turned(by_errors.T, m).T])
+    shadow = np.hstack([shadow, turned(shadow, m)])
+    return _WeightGroup((back @ coordinates).T, squares, back @ back.T, -back @ shadow, inner, by_errors)
+
+
+def left_squares(values: Complexes, columns: Complexes, line: Reals | None = None) -> Reals:
+    """(F,) the `squares` of a fit of one unknown level a function, which no step follows."""
+    line = np.ones(values.shape[1]) if line is None else line
+    rows, data = real_rows(columns * line[:, None]), real_rows((values * line).T)
+    Q = qr(rows / np.linalg.norm(rows, axis=0), mode="economic", check_finite=False)[0]
+    return np.asarray(np.sum((data - Q @ (Q.T @ data)) ** 2, axis=0))
 
 
 def _variances(values: Complexes, part: _WeightGroup, basis: PartialFractions, poles: int) -> Reals:

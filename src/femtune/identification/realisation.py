@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
+from scipy.linalg import eigh
 
 from femtune.arrays import Complexes, Reals
 
@@ -108,8 +109,29 @@ def era(decays: Reals, step_s: float, rows: int, columns: int, order: int) -> Ob
     rows, columns : blocks of the Hankel matrix
     order : largest model order
     """
-    u, s, _ = np.linalg.svd(block_hankel(decays, rows + 1, columns), full_matrices=False)
-    return Observability(u[:, :order] * np.sqrt(s[:order]), decays.shape[0], step_s)
+    u, s = _leading(block_hankel(decays, rows + 1, columns), order)
+    return Observability(u * np.sqrt(s), decays.shape[0], step_s)
+
+
+LARGE = 400
+"""Rows and columns of a Hankel matrix from which only its leading singular values are computed."""
+LEAST_SQUARED = 1e-10
+"""Square of the smallest leading singular value beside that of the largest; smaller ones the squares do not show."""
+
+
+def _leading(matrix: Reals, order: int) -> tuple[Reals, Reals]:
+    """(rows, order) and (order,) leading left singular vectors and values; by the squares where these show all."""
+    k = min(matrix.shape)
+    if k > max(LARGE, 3 * order):
+        wide = matrix.shape[0] <= matrix.shape[1]
+        square = matrix @ matrix.T if wide else matrix.T @ matrix
+        values, vectors = eigh(square, subset_by_index=(k - order, k - 1), check_finite=False)
+        if values[0] > LEAST_SQUARED * values[-1]:
+            s = np.sqrt(values[::-1])
+            vectors = vectors[:, ::-1]
+            return np.asarray(vectors if wide else matrix @ (vectors / s)), s
+    u, s, _ = np.linalg.svd(matrix, full_matrices=False)
+    return np.asarray(u[:, :order]), s[:order]
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -39,6 +39,8 @@ _TURN_RANK = 1e-10
 """Singular value relative to the largest, of the turns of shapes, at or below which a turn is not determined."""
 _MOST_LEVERAGE = 0.95
 """Leverage of a value at most, so that its error is not divided by nearly zero: factors 1/√(1 − h) end at 4.5."""
+_DRAWS = 50
+"""Draws from which the standard deviations of equalised FRFs are found, to a tenth."""
 _NEAR = 10
 """Noise of a line is the mean square of the errors at so many lines on each side."""
 
@@ -127,6 +129,15 @@ class RedrawnTest:
         sums = np.concatenate([np.zeros((*squares.shape[:2], 1)), np.cumsum(squares, axis=2)], axis=2)
         means = (sums[:, :, start + width] - sums[:, :, start]) / width
         return np.asarray(np.sqrt(np.maximum(means, 0.0)))
+
+    @cached_property
+    def equalised_sd(self) -> Reals:
+        """(n, u, l) standard deviation of real and imaginary parts of the equalised FRFs by this noise."""
+        squares = np.zeros(self.equalised.shape)
+        for i in range(_DRAWS):
+            change = self.draw("noise", np.random.default_rng([i, _DRAWS]))
+            squares += np.abs(self.functions(change) - self.equalised) ** 2
+        return np.asarray(np.sqrt(0.5 * squares / _DRAWS))
 
     @cached_property
     def leverage(self) -> Reals:

@@ -40,11 +40,16 @@ class CovarianceModel:
     scatter: Reals
 
     @cached_property
-    def images(self) -> tuple[Reals, Reals]:
-        """UᵀδH V (blocks, k, k) of each movement, and what δH V (blocks, rows, k) has outside of the span of U."""
-        moved = self.scatter @ self.right
-        within = self.left.T @ moved
-        return within, moved - self.left @ within
+    def images(self) -> tuple[Reals, Reals, Reals]:
+        """UᵀδH V of each movement, as far as orders up to the largest, n, need it.
+
+        Its first n columns (blocks, k, n) and rows (blocks, n, k), and what the first n columns of δH V (blocks, rows,
+        n) have outside of the span of U.
+        """
+        n = self.observability.matrix.shape[1]
+        moved = self.scatter @ self.right[:, :n]
+        columns = self.left.T @ moved
+        return columns, (self.left[:, :n].T @ self.scatter) @ self.right, moved - self.left @ columns
 
 
 def covariance_driven(
@@ -184,10 +189,10 @@ def _moved_basis(model: CovarianceModel, order: int) -> Reals:
     Movements inside the span change the coordinates of the states and no mode.
     """
     u, s = model.left, model.singular_values
-    within, outside = model.images
+    columns, rows, outside = model.images
     ahead, behind = s[None, :order], s[order:, None]
     gap = ahead**2 - behind**2
-    turned = (ahead * within[:, order:, :order] + behind * np.swapaxes(within[:, :order, order:], 1, 2)) / gap
+    turned = (ahead * columns[:, order:, :order] + behind * np.swapaxes(rows[:, :order, order:], 1, 2)) / gap
     return np.asarray(u[:, order:] @ turned + outside[:, :, :order] / s[:order])
 
 

@@ -77,7 +77,8 @@ def system_fit(
     poles : (m,) rad/s of the upper half plane that decay: those identified, and `residual_poles` for what lies outside
     direct : with a direct term D, which accelerance needs
     reciprocal : participations in proportion to the shapes at the driving points; D stays free
-    start : (m, u) participations near the solution, from which no other minimum is looked for; None if none are known
+    start : (m, u) participations near the solution, from which no other minimum is looked for; NaN for modes of which
+        none are known; None if none are known at all
 
     Raises
     ------
@@ -93,7 +94,9 @@ def system_fit(
     parts, steps, gradient, converged = _start(frfs, near, direct), 0, 0.0, True
     if len(frfs.references) > 1 or points:
         if start is not None:
-            parts, outside = replace(parts, participations=start), []
+            known = np.isfinite(start).all(axis=1)
+            parts = replace(parts, participations=np.where(known[:, None], start, parts.participations))
+            outside = [r for r in outside if not known[r]]
         parts, found = _rank_one(frfs, near, parts, direct, points, outside)
         steps, gradient, converged = found.steps, found.gradient, found.converged
     A, B, C = _real_form(poles, parts)

@@ -19,12 +19,19 @@ from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Reals
 from femtune.dofs import DofSet
+from femtune.identification.modal_solve import PartialFractions, modal_basis, with_cut_decays, with_transients
 from femtune.modal import FrfSet, TimeSeries
 
 MOST_VALUES = 4_000_000
 """Lines times responses up to which whole records are used: 64 MB."""
 LEAST_LINES = 100
 """Lines of a band at least."""
+LEAST_REST = 8
+"""Samples before a hit that show whether the structure is at rest."""
+REST_LEVEL = 3.0
+"""What moves less than this times its noise is at rest."""
+REST_PART = 0.005
+"""What moves less than this part of the peak of the response is at rest."""
 WINDOW = 9
 """Neighbouring lines whose functions are a parabola, to see the noise."""
 _NEIGHBOURS = 51
@@ -41,19 +48,38 @@ class WholeRecord:
     force : (k,) U
     colour : (k,) size of the noise of a response beside that of the other lines
     noise : (n, k) its standard deviation, √E|error|² of Y
+    step_s : time from one sample to the next
     width : neighbouring lines of which each function is the mean; 0 where the functions were made in another way
+    pulse : (samples,) the force of a record that begins at rest, whose only transients are the decays that its end cuts
+        off; None where they have residues of their own
     """
 
     frfs: FrfSet
     force: Complexes
     colour: Reals
     noise: Reals
+    step_s: float
     width: int = 0
+    pulse: Reals | None = None
 
     @property
     def line(self) -> Reals:
         """(k,) weights of the lines, inverses of the noise of Y/U but for a factor."""
         return np.asarray(np.abs(self.force) / self.colour)
+
+    def basis(self, poles: Complexes, terms: tuple[str, ...]) -> PartialFractions:
+        """The columns of the functions with their transients."""
+        frfs = self.frfs
+        modal = modal_basis(frfs.freq_hz, poles, frfs.kind, terms)
+        if self.pulse is None:
+            return with_transients(modal, frfs.freq_hz, poles, self.force, self.step_s)
+        return with_cut_decays(modal, frfs.freq_hz, poles, frfs.kind, self.force, self.pulse, self.step_s)
+
+    def of_functions(self, coefficients: Reals, poles: int, terms: int) -> Reals:
+        """Of the coefficients (n, q) of all columns those without residues and terms of the transients."""
+        if self.pulse is not None:
+            return coefficients
+        return np.hstack([coefficients[:, : 2 * poles], coefficients[:, 4 * poles : 4 * poles + terms]])
 
     def inside(self, low_hz: float, high_hz: float) -> WholeRecord:
         """The lines of a band."""
@@ -73,13 +99,16 @@ class WholeRecord:
         return replace(self, frfs=replace(self.frfs, values=self.frfs.values - ends[:, None, :]))
 
 
-def whole_record(record: TimeSeries, kind: str, low_hz: float, high_hz: float) -> WholeRecord | None:
+def whole_record(
+    record: TimeSeries, kind: str, low_hz: float, high_hz: float, rest: int | None = None
+) -> WholeRecord | None:
     """The lines of a band; None where they are too many or too few, or where the force has none.
 
     Parameters
     ----------
     record : with one input and without lost samples; responses of one quantity
     kind : of the functions
+    rest : samples before a single hit, in which nothing may move; else there is no such record
     """
     rows, (column,) = record.positions("response") + record.positions("reference"), record.positions("input")
     hz = np.fft.rfftfreq(record.samples, 1.0 / record.even_hz)
@@ -94,13 +123,25 @@ def whole_record(record: TimeSeries, kind: str, low_hz: float, high_hz: float) -
     noise = _noise(motion, force)
     if not (noise > 0.0).all():
         return None
+    if rest is not None and not _at_rest(values[rows], rest, noise):
+        return None
     log = np.log(noise)
     colour = np.exp(np.mean(log - log.mean(axis=1, keepdims=True), axis=0))
     frfs = FrfSet(
         np.asarray(hz[kept], float), (motion / force)[:, None, :], DofSet(record.channels[i].dof for i in rows),
         record.dofs("input"), kind, source=record.source,
     )  # fmt: skip
-    return WholeRecord(frfs, force, colour, noise)
+    pulse = None if rest is None else np.asarray(values[column], float)
+    return WholeRecord(frfs, force, colour, noise, 1.0 / record.even_hz, pulse=pulse)
+
+
+def _at_rest(responses: Reals, samples: int, noise: Reals) -> bool:
+    """Whether responses (n, N) move no more in their first samples than their noise (n, k) at the lines explains."""
+    if samples < LEAST_REST:
+        return False
+    level = np.median(noise, axis=1) / np.sqrt(responses.shape[1])
+    most = np.maximum(REST_LEVEL * level, REST_PART * np.abs(responses).max(axis=1))
+    return bool((np.sqrt(np.mean(responses[:, :samples] ** 2, axis=1)) <= most).all())
 
 
 def _noise(motion: Complexes, force: Complexes) -> Reals:

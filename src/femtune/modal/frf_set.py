@@ -71,6 +71,18 @@ class FrfSet:
         words = f", {self.source}" if self.source else ""
         return f"FrfSet: {len(self.responses)} × {len(self.references)} {self.kind}{lines}{words}"
 
+    def transposed(self) -> FrfSet:
+        """The functions with responses and references exchanged: those of the same structure if it is reciprocal."""
+        return replace(
+            self,
+            values=np.swapaxes(self.values, 0, 1),
+            responses=self.references,
+            references=self.responses,
+            coherence=None if self.coherence is None else np.swapaxes(self.coherence, 0, 1),
+            response_names=self.reference_names,
+            reference_names=self.response_names,
+        )
+
     def _check_sizes(self) -> None:
         wanted = (len(self.responses), len(self.references), np.size(self.freq_hz))
         for name, array in (("values", self.values), ("coherence", self.coherence)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,12 @@ class StateSpace:
                 raise FemtuneError("system.shape", name=name, matrix_shape=matrix.shape, required_shape=wanted)
             if not np.isfinite(matrix).all():
                 raise FemtuneError("system.values", name=name)
+
+    def transposed(self) -> StateSpace:
+        """The system with responses and references exchanged, H ↦ Hᵀ."""
+        return replace(
+            self, A=self.A.T, B=self.C.T, C=self.B.T, D=self.D.T, responses=self.references, references=self.responses
+        )
 
     @property
     def order(self) -> int:

@@ -23,4 +23,4 @@ class StudyOutputTable(OutputTable):
     live: bool | Literal["auto"] = "auto"
     """The report has a [live model](guide/report.md): its reader changes the parameters and sees frequencies and
     shapes. `"auto"`: where it takes a fraction of a second, or the update has reduced models; `true`: also where it
-    takes about 15 more solutions of each configuration. Example: `true`"""
+    takes about 16 more solutions of each configuration. Example: `true`"""

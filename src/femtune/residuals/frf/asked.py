@@ -19,6 +19,7 @@ from femtune.residuals.case import CaseState
 from femtune.residuals.frf.against_model import against_model
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual, ZeroGates, antiresonance_residual
 from femtune.residuals.frf.choice import frf_residual
+from femtune.residuals.frf.equalised import equal_damping, weighted_by_identification
 from femtune.residuals.frf.left_out import LeftOutModes, left_out_modes
 from femtune.residuals.frf.lines import Band, Lines, PairedResonances
 from femtune.residuals.frf.measured_zeros import ZeroSearch, found_antiresonances
@@ -67,13 +68,18 @@ class AskedFrfs(AtFirstState):
             if test is None:
                 return residual, (*told, *undamped(asked.name, state.full, damping))
             # lines of an identified test are free of the noise of single lines, which would bias their weights
-            return replace(residual, identified=test.redrawn, shift=None), told
+            residual, lost = weighted_by_identification(replace(residual, identified=test.redrawn, shift=None))
+            return residual, (*told, *lost)
 
         def raw(residual: FrfResidual, identified: RedrawnTest, state: CaseState, damping: ModalDamping) -> FrfResidual:
             test = asked.equalised()
             assert test is not None
             lines = _lines(entry, state)[0]
-            return raw_residual(residual, identified, measured, lines, scatter, damping, test.left_out_hz)
+            found = raw_residual(residual, identified, measured, lines, scatter, damping, test.left_out_hz)
+            assert found.noise is not None
+            # what is small beside the stated standard deviations may be large beside the noise of all lines
+            enough, _ = with_enough_modes(replace(found, sd=found.sd * found.noise, noise=None), state)
+            return replace(found, way=enough.way)
 
         return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)), raw=raw)
 
@@ -126,7 +132,7 @@ def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | N
         "residual.equalised", level="info", configuration=asked.name, ratio=equalised.damping_ratio,
         low=equalised.band_hz[0], high=equalised.band_hz[1], modes=len(zeta), least=100.0 * zeta.min(initial=1.0),
         most=100.0 * zeta.max(initial=0.0), lines=len(equalised.frfs.freq_hz), misfit=100.0 * equalised.misfit,
-        left_out=_bands(equalised.left_out_hz),
+        left_out=_bands(equalised.left_out_hz), outside=100.0 * equalised.outside_ratio,
     )  # fmt: skip
     told = [notice, *equalised.identified.notices]
     if equalised.misfit > _POOR:
@@ -138,7 +144,7 @@ def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | N
         )  # fmt: skip
     return (
         _select(equalised.frfs, measured.responses, measured.references),
-        constant_damping(equalised.damping_ratio),
+        equal_damping(equalised.damping_ratio, equalised.band_hz, equalised.outside_ratio),
         tuple(told),
     )
 

@@ -110,7 +110,9 @@ def frf_residual(
     name = configured.configuration.name
     places = places or places_of(configured.model.structure.nodes, measured)
     residual = weighted_residual(name, measured, places, lines or Band(), form, scatter, way)
-    notices = _lost_in_noise(residual) if scatter.floor and form != "linear" else []
+    notices = (
+        lost_in_noise(residual, np.isfinite(residual.measured.values)) if scatter.floor and form != "linear" else []
+    )
     residual = _coupled(residual, silent_functions(residual, model), notices)
     if not np.isfinite(residual.sd).any():
         raise _nothing_left(name, notices)
@@ -151,9 +153,8 @@ def _chosen(
     return some, tuple(replace(r, at=np.searchsorted(at, r.at)) for r in regions), sd[:, :, at], shift[:, :, at]
 
 
-def _lost_in_noise(residual: FrfResidual) -> list[Notice]:
-    """Values whose logarithm would be that of the noise."""
-    measured = np.isfinite(residual.measured.values)
+def lost_in_noise(residual: FrfResidual, measured: NDArray[np.bool_]) -> list[Notice]:
+    """Of the values that were measured, those whose logarithm would be that of the noise."""
     lost = measured & ~np.isfinite(residual.sd)
     if not lost.any():
         return []

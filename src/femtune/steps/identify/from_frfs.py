@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.files.described_test import read_described
 from femtune.identification.averaging import Averaging, input_output_spectra, no_lost_samples
 from femtune.identification.estimators import KIND_OF, estimate_frfs
-from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, still_moving
+from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, samples_before, still_moving
 from femtune.identification.input_known import InputKnown, NoModesChosen, identify_frfs
 from femtune.identification.join import at_lines
 from femtune.identification.kinds import KNOWN_INPUT
@@ -152,6 +153,9 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     ------
     FemtuneError : ``identify.*``, ``record.*``
     """
+    if len({len(record) for record in records}) > 1:
+        counts = ", ".join(str(len(record)) for record in records[:5])
+        raise FemtuneError("identify.records-differ", values={"channels": counts})
     dead = np.all([dead_channels(record) for record in records], axis=0)
     alive = [i for i, c in enumerate(records[0].channels) if c.role == "input" or not dead[i]]
     living = [record.select_channels(alive) for record in records]
@@ -163,6 +167,9 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     frfs, sd, notices = functions_of(living, file)
     if any(notice.code in _HITS_LEFT for notice in notices):
         whole = None
+    if whole is not None:
+        # the fit knows what the end of a record cuts off
+        notices = tuple(n for n in notices if n.code != "identify.hits-not-decayed")
     usable = np.isfinite(frfs.values).all(axis=(0, 1)) & (frfs.freq_hz > 0.0)
     kept = np.flatnonzero(usable)
     errors = sd[:, :, kept]
@@ -175,7 +182,7 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
 def _whole(records: Sequence[TimeSeries], file: IdentifyFile) -> WholeRecord | None:
     """The lines of a record with one force, where nothing else was asked for.
 
-    What follows a single hit cannot be told from what its end leaves out, since both are free decays.
+    What follows a single hit cannot be told from motion before it, since both are free decays: it must begin at rest.
     """
     table, record = file.identify, records[0]
     asked = (table.period_s, table.resolution_hz, table.exponential_s, table.force_window_s)
@@ -185,11 +192,11 @@ def _whole(records: Sequence[TimeSeries], file: IdentifyFile) -> WholeRecord | N
         return None
     if len(record.positions("input")) != 1 or np.isnan(record.values).any():
         return None
-    if is_impulsive(record) and len(hits_of(records).blocks) < LEAST_HITS:
-        return None
+    few = is_impulsive(record) and len(hits_of(records).blocks) < LEAST_HITS
+    rest = samples_before(record) if few else None
     kind = KIND_OF.get(quantities.pop())
     low, high = table.band_hz or (0.0, 0.5 * record.even_hz)
-    return None if kind is None else whole_record(record, kind, low, high)
+    return None if kind is None else whole_record(record, kind, low, high, rest)
 
 
 def functions_of(
@@ -205,8 +212,10 @@ def functions_of(
     asked = [key for key in ("exponential_s", "force_window_s") if getattr(table, key) is not None]
     if asked:
         raise FemtuneError("identify.no-hits", where=file.where("identify", asked[0]), key=asked[0])
-    estimate = estimate_frfs(input_output_spectra(records, Averaging(_segment(record, file))), table.estimator)
-    return replace(estimate.frfs, source=record.source), estimate.sd, ()
+    averaging = Averaging(min(_segment(one, file) for one in records))
+    estimates = [estimate_frfs(input_output_spectra(some, averaging), table.estimator) for some in _by_forces(records)]
+    frfs = _together([one.frfs for one in estimates])
+    return replace(frfs, source=record.source), np.concatenate([one.sd for one in estimates], axis=1), ()
 
 
 FUNCTION_LINES = 2000
@@ -229,22 +238,56 @@ def _functions_of_hits(
     block = min(hits.blocks[0].samples, max(int(MOST_LINES * rate / (high - low)), 4))
     blocks = [one.select_samples(0, block) for one in hits.blocks]
     averaging = Averaging(block, 0.0, "boxcar", table.exponential_s)
-    estimate = estimate_frfs(input_output_spectra(blocks, averaging), table.estimator)
-    count, notices = len(blocks), list(hits.notices)
-    notices.append(Notice("identify.hits", level="info", count=count, seconds=block / rate, step=rate / block))
-    if count == 1:
+    points = _by_forces(blocks)
+    estimates = [estimate_frfs(input_output_spectra(some, averaging), table.estimator) for some in points]
+    counts, notices = [len(some) for some in points], list(hits.notices)
+    notices.append(Notice("identify.hits", level="info", count=len(blocks), seconds=block / rate, step=rate / block))
+    if max(counts) == 1:
         notices.append(Notice("identify.one-hit", level="info"))
     moving = still_moving(blocks)
     if moving > DECAYED and table.exponential_s is None:
         notices.append(Notice("identify.hits-not-decayed", part=moving, seconds=block / rate))
-    frfs = replace(estimate.frfs, source=records[0].source, coherence=None if count == 1 else estimate.frfs.coherence)
-    if count < LEAST_HITS:
-        return frfs, np.full(estimate.sd.shape, np.nan), tuple(notices)
+    frfs = replace(_together([one.frfs for one in estimates]), source=records[0].source)
+    if min(counts) == 1:
+        frfs = replace(frfs, coherence=None)
+    sd = np.concatenate([one.sd for one in estimates], axis=1)
+    if min(counts) < LEAST_HITS:
+        return frfs, np.full(sd.shape, np.nan), tuple(notices)
     # few hits give the noise of one line with a large error, that of its neighbourhood with a small one
-    width = 2 * int(np.ceil(LEAST_FREEDOM / (count - 1) / 2.0)) + 1
-    variance = np.where(np.isfinite(estimate.sd), estimate.sd, 0.0) ** 2
+    width = 2 * int(np.ceil(LEAST_FREEDOM / (min(counts) - 1) / 2.0)) + 1
+    variance = np.where(np.isfinite(sd), sd, 0.0) ** 2
     smooth = np.sqrt(uniform_filter1d(variance, min(width, variance.shape[2]), axis=2, mode="nearest"))
     return frfs, smooth, tuple(notices)
+
+
+def _by_forces(records: Sequence[TimeSeries]) -> list[list[TimeSeries]]:
+    """The records of each point where the force was, in the order in which it was there: a hammer may rove."""
+    points: dict[tuple[str, ...], list[TimeSeries]] = {}
+    for record in records:
+        points.setdefault(tuple(record.dofs("input").labels()), []).append(record)
+    return list(points.values())
+
+
+def _together(several: Sequence[FrfSet]) -> FrfSet:
+    """Functions of the same responses and lines to one or more forces each.
+
+    Raises
+    ------
+    FemtuneError : ``identify.records-differ`` for other responses or lines
+    """
+    first = several[0]
+    if len(several) == 1:
+        return first
+    same = (first.responses.labels(), first.kind, first.freq_hz.tolist())
+    if any((one.responses.labels(), one.kind, one.freq_hz.tolist()) != same for one in several):
+        names = "; ".join(", ".join(one.responses.labels()[:5]) for one in several[:3])
+        raise FemtuneError("identify.records-differ", values={"responses": names})
+    coherence = None
+    if all(one.coherence is not None for one in several):
+        coherence = np.concatenate([one.coherence for one in several if one.coherence is not None], axis=1)
+    references = DofSet([dof for one in several for dof in one.references])
+    values = np.concatenate([one.values for one in several], axis=1)
+    return replace(first, values=values, references=references, coherence=coherence)
 
 
 LEAST_HITS = 3

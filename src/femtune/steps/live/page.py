@@ -12,6 +12,7 @@ from femtune.document.page_view import (
     LiveCertificateView,
     LiveCheckView,
     LiveConfigurationView,
+    LiveDrawsView,
     LiveOtherView,
     LiveParameterView,
     LivePartView,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from femtune.steps.live.record import (
         LiveCertificate,
         LiveConfiguration,
+        LiveDraws,
         LivePart,
         LiveRegion,
         LiveResults,
@@ -67,12 +69,11 @@ def _certificate(found: LiveResults) -> Table:
 def _reference(c: LiveConfiguration) -> str:
     if c.compared_with == "full model":
         return f"full model, {c.dofs:,} DOFs"
-    error = (
-        ""
-        if c.reduced_error_percent is None
-        else f" (itself within {short(c.reduced_error_percent)} % of the full model where both were last compared)"
-    )
-    return f"reduced model of order {c.compared_order}{error}"
+    here, wide = c.reduced_error_percent, c.reduced_bounds_percent
+    own = ""
+    if here is not None and wide is not None:
+        own = f", itself {_size(here)} % from the full model in the region and {_size(wide)} % in the bounds"
+    return f"reduced model of order {c.compared_order}{own}"
 
 
 def _errors(c: LiveCertificate | None) -> tuple[Cell | str, ...]:
@@ -114,6 +115,7 @@ def live_view(source: ReportSource) -> LiveView | None:
         ),
         x=_floats(source, found.x_key),
         region=None if found.region is None else _region(source, found.region),
+        draws=None if found.draws is None else _draws(source, found.draws),
         configurations=tuple(_configuration(source, c) for c in found.configurations),
         others=tuple(LiveOtherView(o.kind, o.chi_square) for o in found.others),
     )
@@ -129,8 +131,16 @@ def _array(source: ReportSource, key: str | None) -> NDArray:
 
 
 def _region(source: ReportSource, region: LiveRegion) -> LiveRegionView:
-    at, rows, offset = (_floats(source, key) for key in (region.at_key, region.rows_key, region.offset_key))
-    return LiveRegionView(region.moving, at, rows, offset, region.limit)
+    keys = (region.at_key, region.rows_key, region.offset_key, region.centre_key, region.spread_key)
+    at, rows, offset, centre, spread = (_floats(source, key) for key in keys)
+    return LiveRegionView(region.moving, at, rows, offset, region.limit, centre, spread, region.radius_square)
+
+
+def _draws(source: ReportSource, draws: LiveDraws) -> LiveDrawsView:
+    linear = None if draws.linear_key is None else _floats(source, draws.linear_key)
+    factors = {f.kind: f.factor for f in draws.factors}
+    x = as_stored(_array(source, draws.x_key))
+    return LiveDrawsView(draws.source, x, linear, draws.degrees, factors, draws.reason)
 
 
 def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurationView:
@@ -143,15 +153,16 @@ def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurat
         test_shapes=as_stored(_array(source, c.test_shapes_key)),
         pairs=tuple((p.test, p.modes[0]) for p in c.pairs if len(p.modes) == 1),
         parts=tuple(_part(p, weights) for p in c.parts),
-        region=None if c.region is None else _errors_view(c.region), bounds=_errors_view(c.bounds),
+        region=None if c.region is None else _errors_view(c.region, c.reduced_error_percent),
+        bounds=_errors_view(c.bounds, c.reduced_bounds_percent),
         checks=tuple(
             LiveCheckView(_floats(source, k.x_key), _floats(source, k.eigenvalues_key), k.chi_square) for k in c.checks
         ),
     )  # fmt: skip
 
 
-def _errors_view(c: LiveCertificate) -> LiveCertificateView:
-    return LiveCertificateView(c.points, c.frequency_percent, c.mac)
+def _errors_view(c: LiveCertificate, reduced: float | None) -> LiveCertificateView:
+    return LiveCertificateView(c.points, c.frequency_percent, c.mac, reduced)
 
 
 def _term(t: LiveTermRecord, polynomials: tuple[float, ...]) -> LiveTermView:

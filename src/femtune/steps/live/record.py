@@ -41,6 +41,40 @@ class LiveRegion(Record):
     """Key of b (m,)."""
     limit: float
     """Value of |A (x − x̂) + b|² that 95 % of the distribution within the bounds are below."""
+    centre_key: str
+    """Key of the middle of the region (moving,), normalised."""
+    spread_key: str
+    """Key of G (moving, moving): centre + G u with |u|² at most `radius_square` is in the region, apart from the
+    bounds."""
+    radius_square: float
+    """Square of the radius in u."""
+
+
+class LiveFactor(Record):
+    """Actual over stated standard deviation with which the residuals of a kind count."""
+
+    kind: str
+    """Label of the kind of residual."""
+    factor: float
+    """The factor."""
+
+
+class LiveDraws(Record):
+    """Values of the parameters from which a page chooses models that the data allow."""
+
+    source: Literal["posterior", "linear"]
+    """"posterior": samples that have equal weights. "linear": samples of the linearised distribution, which the page
+    weighs by the true χ²."""
+    x_key: str
+    """Key of the values (n, k), normalised."""
+    linear_key: str | None = None
+    """Key of |A (x − x̂) + b|² at each (n,); None for samples of equal weights."""
+    degrees: float | None = None
+    """Degrees of freedom of the linearised distribution; None for a normal one."""
+    factors: tuple[LiveFactor, ...] = ()
+    """Factors on the stated standard deviations; kinds that count as stated are not in it."""
+    reason: str = ""
+    """Why samples of the linearised distribution are not weighed; "" where they are."""
 
 
 class LiveTermRecord(Record):
@@ -137,8 +171,10 @@ class LiveConfiguration(Record):
     compared_order: int
     """Order of that model."""
     reduced_error_percent: float | None
-    """Largest error of a frequency of the reduced model itself, where it was last compared with the full one; None for
-    the full model."""
+    """Largest error of a frequency of the reduced model itself, in %, where it was last compared with the full one in
+    the 95 % region, such as at the updated point; None for the full model."""
+    reduced_bounds_percent: float | None = None
+    """The same within the bounds, as its training estimates it or as a comparison found it; None for the full model."""
     count: int
     """Modes that are shown."""
     shift: float
@@ -190,6 +226,8 @@ class LiveResults(Record):
     """Key of the updated point (k,), normalised."""
     region: LiveRegion | None = None
     """The 95 % region; None where the update gives no distribution."""
+    draws: LiveDraws | None = None
+    """Models that the data allow; None where the update gives no distribution."""
     configurations: tuple[LiveConfiguration, ...] = ()
     """One live model a configuration."""
     others: tuple[LiveOtherPart, ...] = ()

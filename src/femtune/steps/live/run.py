@@ -21,6 +21,8 @@ from femtune.steps.live.record import (
     LiveCertificate,
     LiveCheck,
     LiveConfiguration,
+    LiveDraws,
+    LiveFactor,
     LiveOtherPart,
     LivePair,
     LiveParameter,
@@ -61,6 +63,12 @@ _TRAINING = 6
 _REGION_TARGET, _BOUNDS_TARGET = 3e-5, 3e-4
 """Relative frequency errors at which the order is large enough: a third of what a page should keep."""
 _LEVEL = 0.95
+_SHOWN = 20
+"""Models that the data allow, of those that a page shows."""
+_DRAWN_LINEAR = 300
+"""Samples of the linearised distribution that a page weighs."""
+_UNDETERMINED = 100.0
+_LEAST_WIDTH = 1e-9
 _ORDERS = 1.25
 """Ratio of two orders that are tried one after the other."""
 _DRAWN = 1e-3
@@ -69,11 +77,16 @@ _SEED = 36
 
 
 def live_results(
-    study: Study, found: FoundParameters, arrays: dict[str, NDArray], progress: Progress
+    study: Study,
+    found: FoundParameters,
+    arrays: dict[str, NDArray],
+    progress: Progress,
+    sampled: Sampled | None = None,
 ) -> LiveResults | None:
     """The live model at the end of an update; None where there is nothing to change or to show.
 
-    Its arrays go into `arrays`. Where it is not possible, the result says why.
+    Its arrays go into `arrays`. Where it is not possible, the result says why. `sampled` are the samples of a posterior
+    distribution, where there is one.
     """
     result, wanted = found.result, study.file.output.live
     states = [s for s in result.after.states if s.case.on_full_model.on_modes and len(s.case.test)]
@@ -100,6 +113,7 @@ def live_results(
     arrays |= stored
     return LiveResults(
         parameters=_parameters(result), x_key="live/x", region=made.region.record(arrays) if made.region else None,
+        draws=_draws(result, made.region, sampled, bool(others), arrays),
         configurations=tuple(configurations), others=others, solutions=made.solutions,
     )  # fmt: skip
 
@@ -120,7 +134,7 @@ def _too_large(found: FoundParameters, states: Sequence[CaseState], wanted: bool
     most = max(large, default=0)
     if wanted is True or most <= SMALL:
         return ""
-    solutions = 1 + 2 * _TRAINING + 2
+    solutions = 2 * _TRAINING + 4
     return (
         f"the model has {most:,} degrees of freedom and was not reduced for the update; `live = true` in [output] "
         f"makes one from about {solutions} more solutions of each configuration, and with [reduction] it takes none"
@@ -189,10 +203,59 @@ class _Region:
         return self.inside[np.concatenate([some, more])]
 
     def record(self, arrays: dict[str, NDArray]) -> LiveRegion:
-        stored = {"at": self.at[self.moving], "rows": self.rows, "offset": self.offset}
+        # combinations that the data leave undetermined are as wide as the samples, many times over
+        width = _UNDETERMINED * np.maximum(np.ptp(self.inside[:, self.moving], axis=0), _LEAST_WIDTH)
+        both = np.vstack([self.rows, np.diag(1.0 / width)])
+        right = np.concatenate([self.offset, np.zeros(len(width))])
+        root = np.linalg.qr(both, mode="r")
+        change = -np.linalg.lstsq(both, right, rcond=None)[0]
+        least = float(np.sum((self.rows @ change + self.offset) ** 2))
+        at = self.at[self.moving]
+        stored = {
+            "at": at, "rows": self.rows, "offset": self.offset, "centre": at + change,
+            "spread": np.linalg.inv(root),
+        }  # fmt: skip
         arrays |= {f"live/region/{name}": a for name, a in stored.items()}
         keys = {f"{name}_key": f"live/region/{name}" for name in stored}
-        return LiveRegion(moving=tuple(np.flatnonzero(self.moving).tolist()), limit=self.limit, **keys)
+        return LiveRegion(
+            moving=tuple(np.flatnonzero(self.moving).tolist()), limit=self.limit,
+            radius_square=max(self.limit - least, 0.0), **keys,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """Samples of a posterior distribution: `x` (n, k), normalised, and their `weights` (n,)."""
+
+    x: Reals
+    weights: Reals
+
+
+def _draws(
+    result: UpdateResult, region: _Region | None, sampled: Sampled | None, others: bool, arrays: dict[str, NDArray]
+) -> LiveDraws | None:
+    """From the posterior where there is one, else from the linearised distribution."""
+    random = np.random.default_rng(_SEED)
+    if sampled is not None:
+        chosen = random.choice(len(sampled.x), _SHOWN, p=sampled.weights / sampled.weights.sum())
+        arrays["live/draws"] = sampled.x[chosen]
+        return LiveDraws(source="posterior", x_key="live/draws")
+    posterior = result.covariance.posterior
+    if region is None or posterior is None:
+        return None
+    x = posterior.samples
+    x = x[random.choice(len(x), min(_DRAWN_LINEAR, len(x)), replace=False)]
+    d = (x - posterior.at)[:, posterior.moving]
+    arrays["live/draws"] = x
+    arrays["live/draws_linear"] = np.sum((d @ posterior.rows.T + posterior.offset) ** 2, axis=1)
+    reason = "some residuals are not computed again" if others else ""
+    if len(result.side.matrix) and result.smallest_change is None:
+        reason = "the update has a side constraint beside the residuals"
+    return LiveDraws(
+        source="linear", x_key="live/draws", linear_key="live/draws_linear",
+        degrees=posterior.degrees if np.isfinite(posterior.degrees) else None,
+        factors=tuple(LiveFactor(kind=k, factor=f) for k, f in result.covariance.factors.items()), reason=reason,
+    )  # fmt: skip
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -206,12 +269,13 @@ class _First:
     Parameters
     ----------
     basis : (n_free, r); None where the model is the full one
-    error : of its frequencies where it was last compared with the full model; None for the full model
+    error : largest of its frequencies in %, in the region and in the bounds, where it was last compared with the full
+        model, or estimated; None for the full model
     """
 
     model: ReducedModel
     basis: Reals | None
-    error: float | None
+    error: tuple[float, float] | None
 
     def full(self, vectors: Reals) -> Reals:
         """Vectors in the DOFs of the full model."""
@@ -237,10 +301,18 @@ class _Making:
         try:
             first = self._first(state, configured, count)
             groups = separated_terms(configured, x, ("stiffness", "mass"))
+            if isinstance(groups, str):
+                return groups
+            return self._made(state, first, groups, x, count, f"live/{number + 1}", arrays)
         except FemtuneError as error:
-            return f"its matrices cannot be had at all values of the parameters: {error.what}"
-        if isinstance(groups, str):
-            return groups
+            return f"the model cannot be solved at all values of the parameters: {error.what}"
+        except np.linalg.LinAlgError:
+            return f"K − σM is not positive definite at some values of the parameters ({state.case.name})"
+
+    def _made(
+        self, state: CaseState, first: _First, groups: Sequence[Separated], x: Reals, count: int, prefix: str,
+        arrays: dict[str, NDArray],
+    ) -> LiveConfiguration | str:  # fmt: skip
         whole = first.model.order <= WHOLE
         snapshots = [] if whole else [*self._region_points(_SNAPSHOTS, 1), *self._bounds_points(_SNAPSHOTS, 1)]
         basis = second_basis(first.model, x, snapshots, count, min(MOST_ORDER, first.model.order))
@@ -248,7 +320,6 @@ class _Making:
         if terms is None:
             return "its frequencies cannot be computed at the updated point with few enough vectors"
         vectors, model = terms
-        prefix = f"live/{number + 1}"
         case = next(c for c in (self.found.study or self.study).cases if c.name == state.case.name)
         return self._record(case, state, first, vectors, model, prefix, arrays)
 
@@ -256,10 +327,12 @@ class _Making:
         trained = _trained(self.found, state)
         if trained is not None:
             facts = self.found.reduction
-            errors = (
-                [m.certified_error_percent for m in facts.models if m.configuration == state.case.name] if facts else []
+            models = [m for m in facts.models if m.configuration == state.case.name] if facts else []
+            here = max(
+                (m.certified_error_percent for m in models if np.isfinite(m.certified_error_percent)), default=0.0
             )
-            return _First(*trained, max((e for e in errors if e is not None and np.isfinite(e)), default=0.0))
+            wide = max((m.estimate_percent for m in models if np.isfinite(m.estimate_percent)), default=0.0)
+            return _First(*trained, (here, max(here, wide)))
         shift = float(state.solution.shift)
         if configured.n_free <= SMALL:
             return _First(reduce_model(configured, np.eye(configured.n_free), shift=shift), None, None)
@@ -272,7 +345,7 @@ class _Making:
         for i, x in enumerate(points):
             self.progress.step(f"live model of {state.case.name}: solutions of the full model", i, len(points))
             columns.append(solver.modes(configured.at(x), count, None).shapes)
-        self.solutions += len(points) + 2
+        self.solutions += len(points) + (2 if self.region is None else 4)
         metric = state.point.symmetric_stiffness.plus(-shift, state.point.symmetric_mass)
         basis = np.linalg.qr(np.hstack([c / np.linalg.norm(c, axis=0) for c in columns]))[0]
         gram = basis.T @ (metric @ basis)
@@ -280,10 +353,10 @@ class _Making:
         basis = basis @ (turned / np.sqrt(size))
         model = reduce_model(configured, basis, shift=shift)
         errors = []
-        for x in [*self._region_points(1, 3), *self._bounds_points(1, 3)]:
+        for x in [*self._region_points(2, 3), *self._bounds_points(2, 3)]:
             full = solver.modes(configured.at(x), count, None).eigenvalues[:count]
-            errors.append(_error(reduced_modes(model.at(x), count).eigenvalues, full))
-        return _First(model, basis, 100.0 * max(errors))
+            errors.append(100.0 * _error(reduced_modes(model.at(x), count).eigenvalues, full))
+        return _First(model, basis, (max(errors[:-2], default=0.0), max(errors)))
 
     def _region_points(self, count: int, seed: int) -> Reals:
         k = len(self.result.x)
@@ -353,7 +426,8 @@ class _Making:
         return LiveConfiguration(
             configuration=case.name, order=model.order, dofs=state.case.on_full_model.configured.n_free,
             compared_with="full model" if first.error is None else "reduced model", compared_order=first.model.order,
-            reduced_error_percent=first.error, count=model.count, shift=model.shift,
+            reduced_error_percent=first.error and first.error[0],
+            reduced_bounds_percent=first.error and first.error[1], count=model.count, shift=model.shift,
             theta_key=f"{prefix}/theta",
             terms=tuple(
                 LiveTermRecord(

@@ -6,12 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from femtune.errors import FemtuneError, Notice
 from femtune.model import EigenSolution, damping_by_mode
 from femtune.residuals import CaseState, Residual, UpdateProblem
 from femtune.residuals.frf.asked import AskedFrfs
 from femtune.residuals.frf.measured_damping import MeasuredDamping, measured_damping
 from femtune.residuals.frf.residual import FrfResidual
+from femtune.residuals.frf.unpaired_damping import with_unpaired_damping
 from femtune.study.stages import reduction_rules
 from femtune.updating import update, update_reduced
 
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
     from femtune.updating import Iteration, ReducedSearch, ReducedUpdate, SensitivityMethod, UpdateResult
 
+_MORE_MODES = 3
+"""Further ratios for each mode of the comparison with equal damping: the measured FRFs may need more modes."""
 _MOST_ROUNDS = 3
 """Updates with measured FRFs: each begins with the pairs of modes where the one before has ended, until they stay."""
 
@@ -126,7 +131,7 @@ def another_round(
         if case.compared is None or case.name not in damping:
             cases.append(case)
             continue
-        new = _with_raw(case.compared.residuals, states[case.name], damping[case.name], raw)
+        new = _with_raw(case.compared.residuals, states[case.name], damping[case.name], raw, fitted=reduced is None)
         cases.append(replace(case, compared=replace(case.compared, residuals=new)))
     on_raw = replace(study, cases=tuple(cases))
     problem = on_raw.problem()
@@ -194,18 +199,37 @@ def _damping(study: Study, state: CaseState) -> MeasuredDamping | None:
 
 
 def _with_raw(
-    residuals: Sequence[Residual], state: CaseState, damping: MeasuredDamping, raw: dict[int, FrfResidual]
+    residuals: Sequence[Residual],
+    state: CaseState,
+    damping: MeasuredDamping,
+    raw: dict[int, FrfResidual],
+    *,
+    fitted: bool,
 ) -> tuple[Residual, ...]:
-    """The residuals with measured FRFs in place of those of the identified test; `raw` gets each by the old one."""
+    """The residuals with measured FRFs in place of those of the identified test; `raw` gets each by the old one.
+
+    Parameters
+    ----------
+    fitted : whether ratios of unpaired modes near the band are found from the measured FRFs, which needs derivatives
+        of the full model
+    """
     out = list[Residual]()
+    paired = [model for _, model in damping.partners]
+    others = np.full(_MORE_MODES * len(damping.ratios), np.median(damping.ratios[paired]))
+    ratios = np.append(damping.ratios, others)
     for asked in residuals:
         if isinstance(asked, AskedFrfs) and _identified(asked):
             assert asked.raw is not None
             residual = asked.settled
             assert isinstance(residual, FrfResidual)
-            ratios = damping_by_mode(damping.ratios.tolist())
-            raw[id(residual)] = asked.raw(residual, damping.identified, state, ratios)
-            out.append(raw[id(residual)])
+            now = asked.raw(residual, damping.identified, state, damping_by_mode(ratios.tolist()))
+            modes = now.way.model(state, now.highest_hz)
+            if fitted and isinstance(modes, EigenSolution):
+                own, _ = with_unpaired_damping(now, modes, ratios[: modes.wanted], paired)
+                ratios = np.append(own, others)
+                now = replace(now, way=replace(now.way, damping=damping_by_mode(ratios.tolist())))
+            raw[id(residual)] = now
+            out.append(now)
         else:
             out.append(asked)
     return tuple(out)

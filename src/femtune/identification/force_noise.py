@@ -1,0 +1,235 @@
+"""Noise of a recorded force: all responses share its error, so that many channels do not average it.
+
+With the measured force U + ν the functions of a whole record leave N − H ν: noise of each response, and a part that
+follows the functions, largest at the resonances, with the same ν in all of them. A fit that knows N alone gives these
+lines too much weight and too small errors. ν is eliminated line by line, which leaves the noise I + s² a aᴴ of the
+responses together, a = H/σ.
+
+Source: R. Pintelon, J. Schoukens (2012), System Identification: A Frequency Domain Approach, 2nd edition, chapters 9
+and 12 (errors in variables).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, qr, solve_triangular
+from scipy.optimize import minimize_scalar
+from scipy.special import chdtri
+
+from femtune.arrays import Complexes, Reals
+from femtune.identification.modal_fit import ModalFit
+from femtune.identification.modal_solve import OUT_OF_BAND, PartialFractions, modal_basis, real_rows
+from femtune.identification.whole_record import WholeRecord
+
+CHANCE = 1e-4
+"""The force is noisy where chance would explain what the responses share with a smaller probability."""
+MOST_UNKNOWNS = 2500
+"""Numbers of all functions up to which the poles are fitted again; with more, only their errors are raised."""
+MOST_STEPS = 8
+"""Steps of this fit at most."""
+SMALL = 0.02
+"""Steps of all poles below this part of their errors end it."""
+_LEAST_PART = 0.01
+"""Part of the noise of a line that is that of the force, below which the line is taken to have none."""
+_TURNS = 20
+"""Turns in which noise of the force and of the responses are found from each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """The lines of a record at given poles, all for noise of size 1 at a mean line.
+
+    Parameters
+    ----------
+    Q : (k, q) complex, the columns of every function made orthogonal in their real rows
+    back : (q, q) coefficients of the columns by those of Q
+    across, shadow : (k, 2, p, m), (q, 2, p, m) the slopes outside of Q and inside
+    coefficients : (n, q) of the columns
+    left : (n, k) what the fit leaves
+    loaded : (n, k) the functions
+    free : (k,) part of the noise of a line that the fit leaves
+    """
+
+    Q: Complexes
+    back: Reals
+    across: Complexes
+    shadow: Reals
+    coefficients: Reals
+    left: Complexes
+    loaded: Complexes
+    free: Reals
+
+
+def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] = OUT_OF_BAND) -> ModalFit:
+    """The fit of a whole record with the noise of its force, where there is any; else as it is.
+
+    Poles and their covariance are those of the likelihood with the force's noise; residues are fitted for these poles,
+    and their own covariances have the part of the force.
+    """
+    now = _lines(fit.poles, whole, terms)
+    noise = _noise(now)
+    if noise is None:
+        return fit
+    variance, force = noise
+    if now.coefficients.size <= MOST_UNKNOWNS:
+        poles, covariance, now = _refitted(fit.poles, now, variance, force, whole, terms)
+    else:
+        poles, covariance = fit.poles, _raised(now, variance, force)
+    m = len(poles)
+    basis, k = modal_basis(whole.frfs.freq_hz, poles, whole.frfs.kind, terms), len(whole.force)
+    inside = whole.of_functions(now.coefficients, m, len(terms))
+    values = inside @ basis.columns.T
+    factor = np.sqrt(np.tile(fit.spread, 2))
+    return replace(
+        fit,
+        poles=poles,
+        residues=(inside[:, :m] + 1j * inside[:, m : 2 * m])[:, None],
+        terms=inside[:, None, 2 * m :],
+        pole_covariance=covariance * np.outer(factor, factor),
+        own_covariance=_own(now, variance, force)[:, None],
+        pole_effect=_effect(now)[:, None],
+        synthesised=replace(fit.synthesised, values=values.reshape(-1, 1, k)),
+        ends=now.coefficients @ whole.basis(poles, terms).columns.T - values,
+    )
+
+
+def _lines(poles: Complexes, whole: WholeRecord, terms: tuple[str, ...], given: Reals | None = None) -> _Lines:
+    """With the coefficients of least squares, or those that are given."""
+    freq, line, m = whole.frfs.freq_hz, whole.line / np.sqrt(np.mean(whole.line**2)), len(poles)
+    inside = modal_basis(freq, poles, whole.frfs.kind, terms)
+    basis = whole.basis(poles, terms)
+    weighted = PartialFractions(basis.columns * line[:, None], basis.by_decay * line[:, None], m)
+    scale = np.linalg.norm(weighted.columns, axis=0)
+    rows, R = qr(real_rows(weighted.columns / scale), mode="economic", check_finite=False)
+    slopes, values = real_rows(weighted.slopes), whole.frfs.values[:, 0] * line
+    shadow = rows.T @ slopes
+    back = solve_triangular(R, np.eye(len(R))) / scale[:, None]
+    coefficients = (back @ (rows.T @ real_rows(values.T))).T if given is None else given
+    k, q = weighted.columns.shape
+    Q = rows[:k] + 1j * rows[k:]
+    across = slopes - rows @ shadow
+    modal = whole.of_functions(coefficients, m, len(terms))
+    return _Lines(
+        Q, back, (across[:k] + 1j * across[k:]).reshape(k, 2, -1, m), shadow.reshape(q, 2, -1, m), coefficients,
+        values - coefficients @ weighted.columns.T, (modal @ inside.columns.T) * line / np.abs(whole.force),
+        np.clip(1.0 - 0.5 * np.sum(np.abs(Q) ** 2, axis=1), 0.05, 1.0),
+    )  # fmt: skip
+
+
+def _noise(now: _Lines) -> tuple[Reals, float] | None:
+    """(n,) variances of one real part of the responses and that of the force, of most likelihood; None without any."""
+    size, loaded, free = np.abs(now.left) ** 2, np.abs(now.loaded) ** 2, 2.0 * now.free
+    variance = start = np.maximum(size.sum(axis=1) / free.sum(), np.finfo(float).tiny)
+    force = 0.0
+    for _ in range(_TURNS):
+        before, g = force, np.sum(loaded / variance[:, None], axis=0)
+        least = -np.log(np.median(g)) - 12.0
+        found = minimize_scalar(
+            lambda log, v=variance: _deviance(now, v, float(np.exp(log))),
+            bounds=(least, least + 24.0),
+            method="bounded",
+        )
+        force = float(np.exp(found.x))
+        times = 1.0 + force * loaded / variance[:, None]
+        variance = np.sum(size / times**2, axis=1) / np.sum(free / times, axis=1)
+        if abs(force - before) < 1e-3 * force:
+            break
+    gain = _deviance(now, start, 0.0) - _deviance(now, variance, force)
+    return (variance, force) if gain > float(chdtri(1, CHANCE)) else None
+
+
+def _deviance(now: _Lines, variance: Reals, force: float) -> float:
+    """−2 log likelihood, but for a constant; lines count as far as the fit leaves them free."""
+    white = now.left / np.sqrt(variance)[:, None]
+    loaded = now.loaded / np.sqrt(variance)[:, None]
+    g = np.sum(np.abs(loaded) ** 2, axis=0)
+    shared = np.abs(np.sum(loaded.conj() * white, axis=0)) ** 2 * force / (1.0 + force * g)
+    levels = np.log1p(force * g) + np.sum(np.log(variance))
+    return float(np.sum(np.abs(white) ** 2) - shared.sum() + np.sum(2.0 * now.free * levels))
+
+
+def _slopes(now: _Lines, variance: Reals) -> Complexes:
+    """(n, k, 2m) of the functions with the poles, outside of their columns, for noise of size 1."""
+    m = now.across.shape[3]
+    c = now.coefficients[:, : now.across.shape[2] * m].reshape(len(now.coefficients), -1, m)
+    every = np.einsum("kapr,fpr->fkar", now.across, c, optimize=True)
+    return np.asarray(every.reshape(len(c), len(now.Q), 2 * m) / np.sqrt(variance)[:, None, None])
+
+
+def _refitted(
+    poles: Complexes, now: _Lines, variance: Reals, force: float, whole: WholeRecord, terms: tuple[str, ...]
+) -> tuple[Complexes, Reals, _Lines]:
+    """Poles, their covariance and coefficients of most likelihood; those before, if the steps do not end."""
+    begin, lines, m = poles, now, len(poles)
+    for _ in range(MOST_STEPS):
+        step, change, covariance = _step(lines, variance, force)
+        poles = poles + step[:m] + 1j * step[m:]
+        if not ((poles.real < 0.0).all() and (poles.imag > 0.0).all() and np.isfinite(poles).all()):
+            break
+        lines = _lines(poles, whole, terms, lines.coefficients + change)
+        if (np.abs(step) < SMALL * np.sqrt(np.diag(covariance))).all():
+            return poles, covariance, lines
+    return begin, _raised(now, variance, force), now
+
+
+def _step(now: _Lines, variance: Reals, force: float) -> tuple[Reals, Reals, Reals]:
+    """(2m,) and (n, q) changes of poles and coefficients, and (2m, 2m) the covariance of the poles."""
+    slopes, (n, q) = _slopes(now, variance), now.coefficients.shape
+    white, loaded = (values / np.sqrt(variance)[:, None] for values in (now.left, now.loaded))
+    g = np.sum(np.abs(loaded) ** 2, axis=0)
+    kept = np.flatnonzero(force * g > _LEAST_PART)
+    root = np.sqrt(force / (1.0 + force * g[kept]))
+    to_poles = np.einsum("fk,fka->ka", loaded[:, kept].conj(), slopes[:, kept])
+    to_columns = loaded[:, kept].conj().T[:, :, None] * now.Q[kept, None, :]
+    shared = real_rows(np.hstack([to_poles, to_columns.reshape(len(kept), n * q)]) * root[:, None])
+    common = real_rows(np.sum(loaded[:, kept].conj() * white[:, kept], axis=0) * root)
+    a = slopes.shape[2]
+    normal = -(shared.T @ shared)
+    normal[:a, :a] += np.einsum("fka,fkb->ab", slopes.conj(), slopes, optimize=True).real
+    normal[np.arange(a, a + n * q), np.arange(a, a + n * q)] += 1.0
+    gradient = -(shared.T @ common)
+    gradient[:a] += np.einsum("fka,fk->a", slopes.conj(), white).real
+    gradient[a:] += (white @ now.Q.conj()).real.ravel()
+    factor = cho_factor(normal[a:, a:], lower=True, check_finite=False)
+    across = cho_solve(factor, np.column_stack([normal[a:, :a], gradient[a:]]))
+    covariance = np.linalg.pinv(normal[:a, :a] - normal[:a, a:] @ across[:, :a], hermitian=True)
+    step = covariance @ (gradient[:a] - normal[:a, a:] @ across[:, a])
+    coordinates = (across[:, a] - across[:, :a] @ step).reshape(n, q) * np.sqrt(variance)[:, None]
+    return step, (coordinates - _moved(now, step)) @ now.back.T, covariance
+
+
+def _moved(now: _Lines, step: Reals) -> Reals:
+    """(n, q) what a step of the poles does to the coordinates of Q."""
+    _, _, p, m = now.shadow.shape
+    c = now.coefficients[:, : p * m].reshape(-1, p, m)
+    return np.asarray(np.einsum("qapr,ar,fpr->fq", now.shadow, step.reshape(2, m), c, optimize=True))
+
+
+def _raised(now: _Lines, variance: Reals, force: float) -> Reals:
+    """(2m, 2m) the covariance of poles that were fitted as if the force had no noise."""
+    slopes, loaded = _slopes(now, variance), now.loaded / np.sqrt(variance)[:, None]
+    inverse = np.linalg.pinv(np.einsum("fka,fkb->ab", slopes.conj(), slopes, optimize=True).real, hermitian=True)
+    shared = real_rows(np.einsum("fk,fka->ka", loaded.conj(), slopes) * np.sqrt(force))
+    return np.asarray(inverse + inverse @ (shared.T @ shared) @ inverse)
+
+
+def _own(now: _Lines, variance: Reals, force: float) -> Reals:
+    """(n, m, 2, 2) covariances of (Re R, Im R) for given poles."""
+    m = now.across.shape[3]
+    out = np.empty((len(variance), m, 2, 2))
+    half = now.back[: 2 * m]
+    for f, level in enumerate(variance):
+        loaded = now.Q * np.abs(now.loaded[f])[:, None]
+        both = half @ (level * np.eye(len(now.back)) + force * (loaded.conj().T @ loaded).real) @ half.T
+        out[f] = np.einsum("arbr->rab", both.reshape(2, m, 2, m))
+    return out
+
+
+def _effect(now: _Lines) -> Reals:
+    """(n, m, 2, 2m) change of (Re R, Im R) with the poles."""
+    q, _, p, m = now.shadow.shape
+    c = now.coefficients[:, : p * m].reshape(-1, p, m)
+    effect = -(now.back[: 2 * m] @ now.shadow.reshape(q, -1)).reshape(2, m, 2, p, m)
+    return np.asarray(np.einsum("xtapr,fpr->ftxar", effect, c, optimize=True).reshape(len(c), m, 2, 2 * m))
