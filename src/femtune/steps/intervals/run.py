@@ -126,7 +126,8 @@ def _found(study: Study, table: IntervalsTable, progress: Progress) -> IntervalP
         progress.step("box of the parameters", 0, None)
         update = _box_of(study, study.cases[names.index(stated)], limits)
         box, solutions = (update.lower, update.upper), update.solutions
-    rows, proven = [], True
+    rows: list[PredictedInterval] = []
+    proven = True
     for case in study.cases:
         progress.step(f"frequencies of {case.name}", 0, None)
         count = table.count or len(limits) or _COUNT
