@@ -8,7 +8,7 @@ import pytest
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.identification.kinds import OUTPUT_ONLY
-from femtune.identification.operational import Operational, by_covariances, prepared, segment_of
+from femtune.identification.operational import Operational, by_covariances, independent_rows, prepared, segment_of
 from femtune.modal import Channel, TimeSeries
 from femtune.modal.shape_criteria import mac
 from structures.laboratory import Clock, MeasuringChain, plant_of_matrices, simulated_test, white_noise
@@ -113,3 +113,16 @@ def test_shear_frame_of_others(shared_data, method):
     assert np.diag(mac(found.shapes, shapes)).min() > 0.99
     # damping that decays in a few samples scatters widely in 20 minutes of the lowest mode
     assert found.damping_ratio[1:] == pytest.approx(ratio[1:], rel=0.35)
+
+
+def test_of_many_channels_those_that_differ_are_references() -> None:
+    rng = np.random.default_rng(0)
+    sources = rng.standard_normal((3, 4000))
+    mixed = rng.uniform(-1.0, 1.0, (17, 3)) @ sources + 1e-3 * rng.standard_normal((17, 4000))
+    # one channel moves alone
+    alone = np.vstack([mixed, rng.standard_normal(4000), np.zeros(4000)])
+    rows = independent_rows(alone, 4)
+    assert 17 in rows
+    assert 18 not in rows
+    others = alone[[i for i in rows if i != 17]]
+    assert np.linalg.cond(others @ others.T) < 1e4

@@ -9,7 +9,7 @@ from femtune.dofs import Dof, DofSet
 from femtune.identification.averaging import CrossSpectra, cross_spectra
 from femtune.identification.fdd import decompose, enhanced, peaks
 from femtune.identification.realisation import Observability, block_hankel, correlations, correlations_by_block, era
-from femtune.identification.ssi import covariance_driven, data_driven, scatter_of_order
+from femtune.identification.ssi import covariance_driven, data_driven, scatter_of_order, supported_order
 from femtune.identification.tfie import mode_at, phase_scatter, steady_lines
 from structures.laboratory import accelerations, plant_of_matrices
 
@@ -207,3 +207,13 @@ def test_deviations_of_the_hankel_matrix_are_those_of_a_mean() -> None:
     model, y = covariance_driven(ambient(5, 8_000), 1 / RATE, [0, 1], 4, 4, 6), ambient(5, 8_000)
     pieces = np.stack([block_hankel(p, 5, 4) for p in correlations_by_block(y, [0, 1], 8, 6)])
     np.testing.assert_allclose((model.scatter**2).sum(axis=0), np.var(pieces, axis=0, ddof=1) / 6, rtol=1e-9)
+
+
+def test_the_order_that_the_correlations_support_is_that_of_the_structure():
+    found = [
+        supported_order(covariance_driven(ambient(seed, 40_000), 1.0 / RATE, range(3), 20, 30)) for seed in range(6)
+    ]
+    # three modes; what the scatter explains is decided within a few states
+    assert all(order is not None and 6 <= order <= 12 for order in found)
+    assert np.median(found) <= 8
+    assert supported_order(covariance_driven(ambient(0, 40_000), 1.0 / RATE, range(3), 20, 4)) is None

@@ -106,6 +106,13 @@ def test_modes_are_identified_from_a_whole_record() -> None:
     exact = found.fit.synthesised.values
     shown, before = (float(np.linalg.norm(one - exact)) for one in (found.measured.values, frfs.values))
     assert shown < 0.5 * before
+    # 1 % of noise is 1e-4 of the power of all lines, and more between the resonances
+    coherence = found.measured.coherence
+    assert coherence is not None
+    assert coherence.shape == frfs.values.shape
+    near = [int(np.argmin(np.abs(frfs.freq_hz - f))) for f in FREQ]
+    assert coherence[:, 0, near].min() > 0.99
+    assert coherence.max() < 1.0
 
 
 def test_records_with_too_many_or_too_few_lines_or_a_silent_force_are_not_for_this() -> None:

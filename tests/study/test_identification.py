@@ -15,6 +15,7 @@ from tests.reporting.page_scripts import without_own_scripts
 
 from femtune import identify
 from femtune.cli import main
+from femtune.document.document import Paragraph
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.files.deviations import with_deviations
@@ -73,6 +74,15 @@ def test_a_record_becomes_modes_that_a_study_can_read(record, tmp_path):
     page = (made.folder / "report.html").read_text(encoding="utf-8")
     assert "Stabilisation diagram" in page
     assert "<script" not in without_own_scripts(page)
+
+
+@pytest.mark.slow
+def test_the_order_that_the_record_supports_is_stated(record, tmp_path):
+    made = identify(described(record, tmp_path, "sampling_hz = 50.0\nband_hz = [1.0, 12.0]"))
+    (said,) = [n for n in made.found.notices if n.code == "identify.order"]
+    check_shown("identify.order", said)
+    small = identify(described(record, tmp_path, "sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 4"))
+    check_shown("identify.order, larger", next(n for n in small.found.notices if n.code == "identify.order"))
 
 
 @pytest.mark.slow
@@ -181,6 +191,18 @@ def test_a_record_with_a_force_becomes_functions_first(tmp_path):
     assert made.record.normalisation == "mass"
     shapes = made.found.modes.shapes
     assert np.abs(shapes) == pytest.approx(np.abs(PLANT.truth.shapes), abs=0.05)
+    # it was fitted as a whole: the page says what its coherence is, and that the linearity is not known
+    said = " ".join(
+        b.text for s in build_identification_page(made).sections for b in s.blocks if isinstance(b, Paragraph)
+    )
+    assert "since a record that is fitted as a whole has no averages" in said
+    assert "Whether the structure is linear was not tested" in said
+    averaged = identify(forced(tmp_path, force, clock, "resolution_hz = 0.1"))
+    said = " ".join(
+        b.text for s in build_identification_page(averaged).sections for b in s.blocks if isinstance(b, Paragraph)
+    )
+    assert "The coherence is" in said
+    assert "fitted as a whole" not in said
 
 
 @pytest.mark.slow

@@ -108,12 +108,12 @@ def test_the_edge_of_the_region_is_a_sphere_in_its_own_coordinates(small: RunRes
     assert live is not None
     assert live.region is not None
     region = live.region
-    rows, offset, at, centre, spread = (
+    rows, offset, at, centre, precision = (
         small.arrays[k]
-        for k in (region.rows_key, region.offset_key, region.at_key, region.centre_key, region.spread_key)
+        for k in (region.rows_key, region.offset_key, region.at_key, region.centre_key, region.precision_key)
     )
     for u in np.random.default_rng(1).standard_normal((10, len(centre))):
-        x = centre + spread @ (u * np.sqrt(region.radius_square) / np.linalg.norm(u))
+        x = centre + u * np.sqrt(region.radius_square / (u @ precision @ u))
         assert np.sum((rows @ (x - at) + offset) ** 2) == pytest.approx(region.limit, rel=0.02)
 
 

@@ -58,6 +58,8 @@ export class LivePanel {
   private readonly copied = h("span", { class: "note", role: "status" });
   private readonly host = h("div", { class: "liveshape" });
   private readonly worker: Worker;
+  private readonly off: Set<number>[];
+  private readonly sensors = h("details", {}, h("summary", {}, "MAC without some sensors"));
   private readonly solved: (Solved | null)[];
   private readonly first: (Solved | null)[];
   private busy = false;
@@ -76,6 +78,7 @@ export class LivePanel {
     const live = this.live = view.live!;
     this.values = live.parameters.map((p) => p.updated);
     this.solved = live.configurations.map(() => null);
+    this.off = live.configurations.map(() => new Set());
     this.first = live.configurations.map(() => null);
     this.test = live.configurations[0].pairs[0]?.[0] ?? -1;
     this.sliders = live.parameters.map((p, k) => new Slider(p, k, (value) => this.set(k, value)));
@@ -107,7 +110,7 @@ export class LivePanel {
         h("div", { class: "answers" }, this.where, this.truth, this.certificate, h("div", { class: "controls" }, this.configuration.label),
           table("Frequencies and MAC now", ["Test mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
           table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.host)),
-      this.asks, lines);
+      this.asks, this.sensors, lines);
     this.fillAsks();
     this.choose();
     this.sliders.forEach((s, i) => s.set(this.values[i]));
@@ -143,6 +146,11 @@ export class LivePanel {
 
   private takeAllowed(models: number[][], effective: number, weighed: boolean): void {
     const { source, reason, x } = this.live.draws!;
+    if (source === "linear" && !weighed) {
+      this.models.hidden = true;
+      this.told.textContent = `Samples of the linearised distribution cannot be weighed by the true χ² here: ${reason}. [posterior] in the study samples the models that the data allow.`;
+      return;
+    }
     if (weighed && (effective < LEAST_EFFECTIVE || !models.length)) {
       this.models.hidden = true;
       this.told.textContent = `The linearised distribution is no source of such models here: the true χ² leaves ${shown(effective, 2)} of ${x.shape[0]} samples. [posterior] in the study samples them.`;
@@ -151,8 +159,7 @@ export class LivePanel {
     this.allowed = models;
     this.models.hidden = false;
     this.source = source === "posterior" ? "a sample of the posterior distribution"
-      : weighed ? `of the linearised distribution, weighted by the true χ² (${shown(effective, 3)} of ${x.shape[0]} samples are effective)`
-      : `of the linearised distribution, not weighted by the true χ² (${reason})`;
+      : `of the linearised distribution, weighted by the true χ² and within its 95 % limit (${shown(effective, 3)} of ${x.shape[0]} samples are effective)`;
     this.showModel(0);
   }
 
@@ -194,8 +201,18 @@ export class LivePanel {
     if (!c.pairs.some(([test]) => test === this.test)) this.test = c.pairs[0]?.[0] ?? -1;
     const k = this.view.scenes.findIndex((s) => s.configuration === c.configuration);
     document.dispatchEvent(new CustomEvent("femtune:live-window", { detail: { host: this.host, scene: k } }));
+    this.fillSensors();
     this.fill();
     this.ask();
+  }
+
+  /** A box for each sensor of the configuration. */
+  private fillSensors(): void {
+    const labels = this.live.configurations[this.at].sensor_labels, off = this.off[this.at], { sensors } = this;
+    sensors.hidden = labels.length < 3;
+    const boxes = labels.map((label, i) => h("label", {}, h("input", { type: "checkbox", checked: !off.has(i), change: (e: Event) => { (e.target as HTMLInputElement).checked ? off.delete(i) : off.add(i); this.ask(); } }), label));
+    const all = h("button", { type: "button", click: () => { off.clear(); this.fillSensors(); this.ask(); } }, "All sensors");
+    sensors.replaceChildren(sensors.firstElementChild!, h("p", { class: "note" }, "The MAC in the table is that of the sensors that are chosen. χ² keeps all of them."), h("div", { class: "boxes" }, ...boxes), h("p", { class: "tools" }, all));
   }
 
   private ask(): void {
@@ -206,7 +223,7 @@ export class LivePanel {
     this.asked = performance.now();
     // the configuration that is shown comes first
     const rest = this.live.configurations.map((_, k) => k).filter((k) => k !== this.at);
-    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test } });
+    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)) });
   }
 
   private take(answer: Answer): void {

@@ -248,7 +248,7 @@ class LiveRegionView:
     offset: tuple[float, ...]
     limit: float
     centre: tuple[float, ...]
-    spread: tuple[float, ...]
+    precision: tuple[float, ...]
     radius_square: float
 
 
@@ -326,8 +326,9 @@ class LiveConfigurationView:
     test_labels: tuple[str, ...]
     test_freq_hz: tuple[float, ...]
     test_shapes: Packed
-    pairs: tuple[tuple[int, int], ...]
-    """Positions of test mode and mode of the updated model."""
+    sensor_labels: tuple[str, ...]
+    pairs: tuple[tuple[int, int, tuple[int, ...]], ...]
+    """Positions of test mode and mode of the updated model, and of all modes that span the motion."""
     parts: tuple[LivePartView, ...]
     region: LiveCertificateView | None
     bounds: LiveCertificateView

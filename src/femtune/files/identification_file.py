@@ -33,7 +33,7 @@ from femtune.modal.kinds import FrfKind, Quantity, Role
 
 
 NodePath = Annotated[tuple[Annotated[int, Field(ge=1, le=2**31)], ...], Field(min_length=2)]
-Rate = Annotated[float, Field(gt=0, le=1e9)]
+Rate = Annotated[float, Field(ge=1e-9, le=1e9)]
 RecordName = Annotated[Text, NamesFile("record")]
 FrfsName = Annotated[Text, NamesFile("file of FRFs")]
 Axis = Literal["frequency", "response", "reference", "function", "part"]

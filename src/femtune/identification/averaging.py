@@ -51,6 +51,10 @@ def segment_transforms(
         yield np.fft.rfft((piece if keep_mean else piece - piece.mean(axis=1, keepdims=True)) * window)
 
 
+_TOGETHER = 32
+"""Segments whose products are summed at once: it bounds the memory."""
+
+
 def cross_spectra(
     values: Reals, rate_hz: float, segment: int, overlap: float = 0.5, window: str = "hann"
 ) -> CrossSpectra:
@@ -58,8 +62,10 @@ def cross_spectra(
     weights = np.asarray(signal.get_window(window, segment), dtype=np.float64)
     starts = segment_starts(values.shape[1], segment, overlap)
     total = np.zeros((segment // 2 + 1, len(values), len(values)), dtype=complex)
-    for lines in segment_transforms(values, starts, weights):
-        total += lines.T[:, :, None] * lines.T[:, None, :].conj()
+    for first in range(0, len(starts), _TOGETHER):
+        several = np.stack(list(segment_transforms(values, starts[first : first + _TOGETHER], weights)), axis=2)
+        several = several.transpose(1, 0, 2)
+        total += several @ several.conj().transpose(0, 2, 1)
     scale = 2.0 / (rate_hz * (weights**2).sum() * len(starts))
     freq_hz = np.asarray(np.fft.rfftfreq(segment, 1.0 / rate_hz), dtype=np.float64)
     return CrossSpectra(freq_hz, scale * total, len(starts), weights)

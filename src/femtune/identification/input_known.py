@@ -47,7 +47,7 @@ from femtune.identification.shapes import (
 )
 from femtune.identification.significance import without_poles_of_noise
 from femtune.identification.state_space_fit import SystemFit
-from femtune.identification.whole_record import WholeRecord, binned
+from femtune.identification.whole_record import WholeRecord, binned, coherence_of_fit
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 from femtune.modal.frf_set import KINDS
 
@@ -257,15 +257,17 @@ def _identified(
 def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
     """The fit to all lines of a record, shown beside its functions.
 
-    Means over lines would blur sharp peaks. The functions are shown as the model with the mean of what it leaves.
+    Means over lines would blur sharp peaks. The functions are shown as the model with the mean of what it leaves, and
+    with the coherence that this gives.
     """
     columns = modal_basis(frfs.freq_hz, fit.poles, frfs.kind, terms).columns
     residues = fit.residues[:, 0]
     model = (np.hstack([residues.real, residues.imag, fit.terms[:, 0]]) @ columns.T)[:, None]
     synthesised = replace(fit.synthesised, freq_hz=frfs.freq_hz, values=model)
     if whole.width and fit.ends is not None:
-        left = binned(whole.without(fit.ends + fit.synthesised.values[:, 0]))[0]
-        frfs = replace(frfs, values=model + left.values)
+        rest = whole.without(fit.ends + fit.synthesised.values[:, 0])
+        coherence = coherence_of_fit(whole, fit.synthesised.values[:, 0], rest.frfs.values[:, 0])
+        frfs = replace(frfs, values=model + binned(rest)[0].values, coherence=coherence[:, None])
     return replace(fit, measured=frfs, synthesised=synthesised)
 
 

@@ -54,11 +54,12 @@ class Operational:
     rule: Rule = field(default_factory=Rule)
 
     def reference_rows(self, record: TimeSeries) -> Sequence[int]:
-        """Positions of the channels whose past is used."""
+        """Positions of the channels whose past is used: the references, or at most `MOST_REFERENCES` of all."""
         if self.references is not None:
             wanted = {(d.node, d.direction) for d in self.references}
             return [i for i, c in enumerate(record.channels) if (c.dof.node, c.dof.direction) in wanted]
-        return record.positions("reference") or range(len(record))
+        stated = record.positions("reference")
+        return stated or (range(len(record)) if len(record) <= MOST_REFERENCES else independent_rows(record.values))
 
     def rows(self, record: TimeSeries) -> int:
         """Block rows: as asked, else one and a half periods of the lowest frequency; always enough for the order."""
@@ -69,6 +70,23 @@ class Operational:
         of_period = ceil(1.5 * rate_hz / self.band_hz[0])
         of_order = ceil(1.2 * self.largest_order / references)
         return max(self.block_rows or min(of_period, 40), of_order, 4)
+
+
+MOST_REFERENCES = 16
+"""Channels whose past is used, where none is stated as a reference: more of them take longer and tell nothing new."""
+
+
+def independent_rows(values: Reals, count: int = MOST_REFERENCES) -> list[int]:
+    """Positions of so many channels (s, n) that the others repeat most of what they have not: pivots of Cholesky."""
+    moving = np.nan_to_num(values - np.nanmean(values, axis=1, keepdims=True))
+    size = np.linalg.norm(moving, axis=1, keepdims=True)
+    moving = moving / np.where(size > 0.0, size, 1.0)
+    left, rows = moving @ moving.T, []
+    for _ in range(count):
+        i = int(np.argmax(np.where(np.isin(np.arange(len(left)), rows), -1.0, np.diag(left))))
+        rows.append(i)
+        left = left - np.outer(left[i], left[i]) / max(float(left[i, i]), np.finfo(float).tiny)
+    return sorted(rows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,6 +52,23 @@ class CovarianceModel:
         return columns, (self.left[:, :n].T @ self.scatter) @ self.right, moved - self.left @ columns
 
 
+def supported_order(model: CovarianceModel) -> int | None:
+    """The least order beyond which the correlations have no more than their scatter explains; None beyond the largest.
+
+    What an order n leaves of the Hankel matrix, Σ s² beyond n, is compared with the mean energy that the scatter of the
+    record's pieces has there, outside of the first n left and right singular vectors.
+    """
+    columns, rows, outside = model.images
+    n = columns.shape[2]
+    right = np.cumsum(np.sum(columns**2, axis=(0, 1)) + np.sum(outside**2, axis=(0, 1)))
+    left = np.cumsum(np.sum(rows**2, axis=(0, 2)))
+    both = np.diag(np.cumsum(np.cumsum(np.sum(columns[:, :n] ** 2, axis=0), axis=0), axis=1))
+    noise = float(np.sum(model.scatter**2)) - left - right + both
+    rest = float(np.sum(model.singular_values**2)) - np.cumsum(model.singular_values[:n] ** 2)
+    enough = np.flatnonzero(rest <= noise)
+    return int(enough[0]) + 1 if len(enough) else None
+
+
 def covariance_driven(
     values: Reals, step_s: float, references: Sequence[int], rows: int, order: int, blocks: int = 20
 ) -> CovarianceModel:

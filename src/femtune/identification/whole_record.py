@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Reals
@@ -187,3 +187,29 @@ def binned(whole: WholeRecord) -> tuple[FrfSet, Reals]:
     at = np.clip(mean(whole.frfs.freq_hz), lines[:, 0], lines[:, -1])
     frfs = replace(whole.frfs, freq_hz=at, values=mean(whole.frfs.values))
     return frfs, sd[:, None, :]
+
+
+COHERENCE_LINES = 32
+"""Neighbouring lines at least from whose powers a coherence is computed: of noise alone it is below a tenth then."""
+
+
+def coherence_of_fit(whole: WholeRecord, model: Complexes, left: Complexes) -> Reals:
+    """(n, count) share of the power of each response, without its transients, that the model explains at the bins.
+
+    A record that is not cut into segments has no averages, from which a coherence is computed otherwise. This one has
+    in it what is not linear, and what the model lacks, as that of averages has.
+
+    Parameters
+    ----------
+    model, left : (n, k) the functions at the lines, and what they leave of the measured ones
+    """
+    count, width = len(whole.force) // whole.width, whole.width
+    force = np.abs(whole.force[: count * width]) ** 2
+
+    def power(values: Complexes) -> Reals:
+        together = (np.abs(values[:, : count * width]) ** 2 * force).reshape(len(values), count, width).sum(axis=2)
+        size = min(2 * (COHERENCE_LINES // (2 * width)) + 1, count)
+        return np.asarray(uniform_filter1d(together, size, axis=1, mode="nearest"))
+
+    explained, rest = power(model), power(left)
+    return np.asarray(explained / np.maximum(explained + rest, np.finfo(float).tiny))

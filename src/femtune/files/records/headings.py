@@ -11,6 +11,7 @@ from femtune.unit_labels import PRESSURE, UnitLabel, unit_label
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)*)[\])}]")
 _DOF = re.compile(r"(?<![\d.])(\d{1,9})\s*:?\s*([+-]?)(R?[XYZ])([+-]?)(?![\w.])", re.IGNORECASE)
 _FORCE = re.compile(r"(?<![a-z])(force|hammer|kraft|excitation|load ?cell|fuerza|forza|effort)(?![a-z])", re.IGNORECASE)
+_HAMMER = re.compile(r"(?<![a-z])(impact|impulse|marteau|martillo|martello)(?![a-z])", re.IGNORECASE)
 _MOTIONS = {
     "acceleration": re.compile(r"(?<![a-z])(acc|accel|accelerometer|acceleration|beschleunigung)(?![a-z])", re.I),
     "velocity": re.compile(r"(?<![a-z])(vel|velocity|geschwindigkeit)(?![a-z])", re.IGNORECASE),
@@ -56,4 +57,6 @@ def _quantity(text: str, label: UnitLabel | None) -> str:
         return "pressure" if label.dimension == PRESSURE else "unknown"
     if _FORCE.search(text):
         return "force"
-    return next((quantity for quantity, word in _MOTIONS.items() if word.search(text)), "unknown")
+    motion = next((quantity for quantity, word in _MOTIONS.items() if word.search(text)), "unknown")
+    # "impact acceleration" is a response
+    return "force" if motion == "unknown" and _HAMMER.search(text) else motion

@@ -100,6 +100,7 @@ def found_from_frfs(
         synthesised=synthesised, misfit_percent=100.0 * error / np.where(size > 0.0, size, 1.0), system=made.system,
         notices=made.notices, remarks=made.remarks, geometry=geometry,
         measured_sd=None if sd is None else sd[:, :, np.isin(frfs.freq_hz, measured.freq_hz)],
+        of_whole_record=whole is not None and whole.width > 0,
     )  # fmt: skip
 
 

@@ -14,7 +14,6 @@ from femtune.files.records import ChannelColumn, read_record
 from femtune.identification.averaging import cross_spectra, no_lost_samples
 from femtune.identification.choice import CHOSEN_BY_USER, PickedPole, change_choice, has_candidate, pick_poles
 from femtune.identification.combine import Estimate, combine
-from femtune.identification.fdd import decompose
 from femtune.identification.harmonics import Line, find_lines, multiples, without_lines
 from femtune.identification.in_place import ON_SUSPENSION
 from femtune.identification.input_lines import judge_peaks
@@ -33,6 +32,7 @@ from femtune.identification.operational import (
     segment_of,
 )
 from femtune.identification.record_checks import level_ratios
+from femtune.identification.ssi import supported_order
 from femtune.modal.shape_criteria import mac
 from femtune.steps.identify.choices import picked_poles
 from femtune.steps.identify.identified import Curve, Found
@@ -138,15 +138,16 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     labels = identified.modes.dofs.labels()
     phases = next((n for one in several.values() if (n := _phase_notices(one, labels, 1.0 / measured.even_hz))), ())
     identified = _unscaled(_judged(identified, measured), measured, levels)
-    notices = (*removed, *line_notices(lines), *phases, *identified.notices)
+    stated = _order_notices(several, asked) if table.fragments == 1 else ()
+    notices = (*removed, *line_notices(lines), *phases, *stated, *identified.notices)
     return _beside_lines(replace(identified, curve=curve, notices=notices), lines)
 
 
 def _curve(ready: TimeSeries, asked: Operational) -> Curve:
     spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
-    level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
     inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
-    return Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
+    level = 10.0 * np.log10(np.maximum(np.linalg.eigvalsh(spectra.values[inside])[:, -1], 1e-300))
+    return Curve(spectra.freq_hz[inside], level - level.max(), "first singular value of the spectra")
 
 
 def _phase_notices(found: OperationalModes, labels: list[str], step_s: float) -> tuple[Notice, ...]:
@@ -154,6 +155,17 @@ def _phase_notices(found: OperationalModes, labels: list[str], step_s: float) ->
     shapes = found.complex_shapes
     late = late_notices(shapes, found.modes.freq_hz, labels, step_s, counted=True)
     return late or quadrature_notices(shapes, labels)
+
+
+def _order_notices(several: dict[tuple[str, int], OperationalModes], asked: Operational) -> tuple[Notice, ...]:
+    """How many states the correlations hold by their scatter, where SSI-cov has found it."""
+    model = next((one.model for one in several.values() if one.model is not None), None)
+    if model is None:
+        return ()
+    order = supported_order(model)
+    if order is None:
+        return (Notice("identify.order/larger", level="info", largest=asked.largest_order),)
+    return (Notice("identify.order", level="info", order=order, largest=asked.largest_order),)
 
 
 def subtracted(record: TimeSeries, file: IdentifyFile) -> tuple[TimeSeries, tuple[Notice, ...]]:

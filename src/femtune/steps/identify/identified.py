@@ -54,6 +54,7 @@ class Found:
     collinearity : (m,) phase collinearity of the complex shapes, also where `modes` has real ones
     geometry : of the test, where its file has one
     lines : of machines and of the mains in a record of responses, which are no modes
+    of_whole_record : whether the functions are those of a whole record, whose coherence is that of the fit
     """
 
     modes: ModeSet
@@ -75,6 +76,7 @@ class Found:
     lines: tuple[Line, ...] = ()
     measured_sd: NDArray[np.float64] | None = field(default=None, repr=False)
     geometry: WireFrame = field(default=NO_GEOMETRY, repr=False)
+    of_whole_record: bool = False
 
     def stable_poles(self) -> Flags:
         """Which poles of `table` are stable from order to order; empty without a table."""

@@ -364,9 +364,36 @@ def _fit(made: IdentifyResult) -> Iterator[Block]:
         "synthesis contains the modes and residual terms for the modes outside the band. Check the sensors of "
         "functions with a poor fit."
     )
+    yield from _coherence(made)
     panels = tuple(_panel(made, i, j) for i, j in _functions_to_show(identified.misfit_percent))
     caption = "Wide line: measured. Narrow line: synthesised from the identified modes. The poorest fits come last."
     yield Figure(partial(frfs_svg, panels), caption, "Measured and synthesised functions", wide=True)
+
+
+POOR_COHERENCE = 0.9
+"""Coherence below which a line is counted as poor: noise has a ninth of the power then."""
+
+
+def _coherence(made: IdentifyResult) -> Iterator[Block]:
+    """What the coherence of the measured functions is, and what it is computed from."""
+    measured = made.found.measured
+    if measured is None or measured.coherence is None or not np.isfinite(measured.coherence).any():
+        return
+    poor = 100.0 * float(np.mean(measured.coherence[np.isfinite(measured.coherence)] < POOR_COHERENCE))
+    middle = np.nanmedian(measured.coherence.reshape(-1, len(measured.freq_hz)), axis=1)
+    worst = int(np.nanargmin(middle))
+    i, j = divmod(worst, measured.values.shape[1])
+    source = (
+        " It is the share of the power of a response that the identified modes explain, since a record that is fitted "
+        "as a whole has no averages."
+        if made.found.of_whole_record
+        else ""
+    )
+    yield Paragraph(
+        f"The coherence is {float(np.nanmedian(measured.coherence)):.3f} in the median of all lines, below "
+        f"{POOR_COHERENCE:g} at {percent(poor)} % of them, and lowest for {measured.responses[i]} / "
+        f"{measured.references[j]} ({float(middle[worst]):.3f} in the median of its lines).{source}"
+    )
 
 
 def _functions_to_show(misfit: np.ndarray) -> list[tuple[int, int]]:
@@ -394,6 +421,11 @@ def _panel(made: IdentifyResult, i: int, j: int) -> FrfPanel:
 
 def _linearity(made: IdentifyResult) -> Iterator[Block]:
     linearity = made.record.linearity
+    if linearity is None and made.found.measured is not None:
+        yield Paragraph(
+            "Whether the structure is linear was not tested. That takes measurements at several levels of the force "
+            "([[level]] in the settings file)."
+        )
     if linearity is None:
         return
     yield Paragraph(as_sentence(linearity.sentence), "poor" if linearity.linear is False else "")

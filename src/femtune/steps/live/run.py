@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.modal.assignment import linear_sum_assignment
+from femtune.model import SubspaceDerivative
 from femtune.model.live import LiveModel, LiveModes, SecondBasis, Separated, live_model, second_basis, separated_terms
 from femtune.model.live.basis import WHOLE
 from femtune.model.live.matrices import solved
 from femtune.model.reduce import ReducedModel, ReducedModes, reduce_model, reduced_modes
 from femtune.model.reduce.training import candidates
+from femtune.residuals.aligned import align
 from femtune.steps.live.record import (
     LiveCertificate,
     LiveCheck,
@@ -207,13 +209,12 @@ class _Region:
         width = _UNDETERMINED * np.maximum(np.ptp(self.inside[:, self.moving], axis=0), _LEAST_WIDTH)
         both = np.vstack([self.rows, np.diag(1.0 / width)])
         right = np.concatenate([self.offset, np.zeros(len(width))])
-        root = np.linalg.qr(both, mode="r")
         change = -np.linalg.lstsq(both, right, rcond=None)[0]
         least = float(np.sum((self.rows @ change + self.offset) ** 2))
         at = self.at[self.moving]
         stored = {
             "at": at, "rows": self.rows, "offset": self.offset, "centre": at + change,
-            "spread": np.linalg.inv(root),
+            "precision": both.T @ both,
         }  # fmt: skip
         arrays |= {f"live/region/{name}": a for name, a in stored.items()}
         keys = {f"{name}_key": f"live/region/{name}" for name in stored}
@@ -438,9 +439,10 @@ class _Making:
             ),
             triangles_key=f"{prefix}/triangles", polynomials_key=f"{prefix}/polynomials",
             sensors_key=f"{prefix}/sensors", test_shapes_key=f"{prefix}/test_shapes",
-            test_labels=tuple(test.labels), test_freq_hz=tuple(map(float, test.freq_hz)),
+            sensor_labels=tuple(map(str, test.dofs)), test_labels=tuple(test.labels),
+            test_freq_hz=tuple(map(float, test.freq_hz)),
             pairs=tuple(
-                LivePair(test=i, modes=tuple(models)) for tests, models in state.groups for i in tests
+                LivePair(test=i, mode=j, modes=tuple(models)) for i, j, models in _partners_at_update(state)
             ),
             parts=_part_records(parts), weights_key=f"{prefix}/weights",
             region=certified.at(region) if len(region) else None, bounds=certified.at(self._bounds_points(_POINTS, 5)),
@@ -474,6 +476,11 @@ def _same_kinds(configurations: list[LiveConfiguration], at: Evaluation) -> list
     done = {(p.kind, c.configuration) for c in configurations for p in c.parts}
     whole = {kind for kind, _ in every if all(pair in done for pair in every if pair[0] == kind)}
     return [c.model_copy(update={"parts": tuple(p for p in c.parts if p.kind in whole)}) for c in configurations]
+
+
+def _partners_at_update(state: CaseState) -> list[tuple[int, int, tuple[int, ...]]]:
+    """Test mode, its partner, and all modes that span its motion; of close modes those of one rank are partners."""
+    return [(i, j, tuple(models)) for tests, models in state.groups for i, j in zip(tests, models)]
 
 
 def _part_records(parts: Sequence[PagePart]) -> tuple[LivePart, ...]:
@@ -560,12 +567,15 @@ class _Certified:
         )
 
     def _mac_errors(self, modes: LiveModes, known: ReducedModes) -> list[float]:
-        """Differences of the MAC of each pair; of close modes the smallest."""
+        """Differences of the MAC of each pair; not of close modes, which are rotated."""
         if len(self.sensors) < 2:
             return []
         seen, first = self.sensors @ modes.shapes, self.first_sensors @ known.shapes[:, : self.live.count + 4]
-        out = []
-        for i, j in self._partners(modes).items():
+        out, become = [], self._become(modes)
+        for i, old, models in _partners_at_update(self.state):
+            if len(models) > 1:
+                continue
+            j = become[old]
             test = self.state.case.test.shapes[:, i]
             near = np.abs(known.eigenvalues[: first.shape[1]] / modes.eigenvalues[j] - 1.0) <= 2.0 * _NEAR
             if near.any():
@@ -573,22 +583,27 @@ class _Certified:
                 out.append(float(np.abs(macs - _mac(seen[:, j], test)).min()))
         return out
 
-    def _partners(self, modes: LiveModes) -> dict[int, int]:
-        """Position of the mode of each test mode, followed from the updated point."""
-        members = [models[0] for _, models in self.state.groups]
-        overlap = (modes.mass[members] @ modes.shapes) / np.sqrt(self.live.theta[members, None])
-        followed = dict(zip(members, linear_sum_assignment(-(overlap**2))[1].tolist()))
-        return {i: followed[models[0]] for tests, models in self.state.groups for i in tests}
+    def _become(self, modes: LiveModes) -> dict[int, int]:
+        """Positions of the modes that those of the update which are compared have become."""
+        old = list(dict.fromkeys(j for _, models in self.state.groups for j in models))
+        overlap = (modes.mass[old] @ modes.shapes) / np.sqrt(self.live.theta[old, None])
+        return dict(zip(old, linear_sum_assignment(-(overlap**2))[1].tolist()))
 
     def chi_square(self, modes: LiveModes) -> float:
         """Sum of squares of the parts, without the error that all frequencies share."""
-        partner, test, total = self._partners(modes), self.state.case.test, 0.0
+        become, test, total = self._become(modes), self.state.case.test, 0.0
         shapes = self.sensors @ modes.shapes
+        motions: dict[int, tuple[float, Reals]] = {}
+        for tests, models in self.state.groups:
+            columns = [become[j] for j in models]
+            none = np.zeros((0, len(columns), len(columns)))
+            seen = shapes[:, columns]
+            subspace = SubspaceDerivative(modes.eigenvalues[columns], none, none, np.zeros((*seen.shape, 0)), seen, 0.0)
+            aligned = align(subspace, test.shapes[:, list(tests)])
+            motions |= {i: (float(aligned.eigenvalues[k]), aligned.shapes[:, k]) for k, i in enumerate(tests)}
         for part in self.parts:
-            j = partner[part.test]
-            values = part.values(
-                float(modes.eigenvalues[j]), shapes[:, j], float(test.freq_hz[part.test]), test.shapes[:, part.test]
-            )
+            eigenvalue, shape = motions[part.test]
+            values = part.values(eigenvalue, shape, float(test.freq_hz[part.test]), test.shapes[:, part.test])
             total += float(values @ values)
         return total
 
