@@ -8,6 +8,8 @@ import { largestPairs } from "./eigen.ts";
 const MASSLESS = 1e-14, LEAST_MASS = 1e-6;
 
 export interface Modes { eigenvalues: Float64Array; freq_hz: Float64Array; shapes: Float64Array[]; mass: Float64Array }
+/** A mass at one of the points that carry one. */
+export interface AddedMass { point: number; mass: number }
 /** A test mode and the position of its partner at the point; −1 without one. */
 export interface LivePair { test: number; column: number; mac: number | null }
 export interface Solved { freq_hz: Float64Array; pairs: LivePair[]; mac: Float64Array; squares: Record<string, number>; common: [number, number]; chiSquare: number }
@@ -110,6 +112,7 @@ export class LiveModel {
   readonly sensors: Float64Array;
   readonly tests: Float64Array[];
   private readonly weights: Map<LivePart, Float64Array>;
+  private readonly massRows: Float64Array | null;
 
   constructor(readonly data: LiveConfiguration, readonly lower: number[], readonly upper: number[]) {
     const { order, theta } = data, n = (order * (order + 1)) / 2;
@@ -117,22 +120,24 @@ export class LiveModel {
     this.triangles = data.terms.map((t, k) => Float64Array.from(all.subarray(k * n, (k + 1) * n), (v) => v * t.scale));
     this.size = Float64Array.from(theta, (t) => Math.sqrt(Math.max(t, LEAST_MASS * Math.max(...theta))));
     this.sensors = unpackDouble(data.sensors);
+    this.massRows = data.mass_rows && unpackDouble(data.mass_rows);
     const shapes = unpackDouble(data.test_shapes), modes = data.test_labels.length, count = modes ? shapes.length / modes : 0;
     this.tests = data.test_labels.map((_, i) => Float64Array.from({ length: count }, (_, s) => shapes[s * modes + i]));
     this.weights = new Map(data.parts.filter((p) => p.weights).map((p) => [p, Float64Array.from(p.weights!)]));
   }
 
-  /** The lowest modes; null where the model has none. */
-  modes(x: ArrayLike<number>): Modes | null {
+  /** The lowest modes, with a mass at a point where one is added; null where the model has none. */
+  modes(x: ArrayLike<number>, added: AddedMass | null = null): Modes | null {
     const { order: n, theta, shift, terms } = this.data;
     const sums = { stiffness: new Float64Array((n * (n + 1)) / 2), mass: new Float64Array((n * (n + 1)) / 2) };
     terms.forEach((term, k) => {
       const f = polynomial(term, x, this.lower, this.upper), to = sums[term.kind], from = this.triangles[k];
       if (f !== 0) for (let i = 0; i < to.length; i++) to[i] += f * from[i];
     });
-    const a = new Float64Array(n * n), m = new Float64Array(n * n);
+    const a = new Float64Array(n * n), m = new Float64Array(n * n), rows = added && this.massRows ? [0, 1, 2].map((d) => this.massRows!.subarray((3 * added.point + d) * n, (3 * added.point + d + 1) * n)) : [];
     for (let i = 0, at = 0; i < n; i++) for (let j = i; j < n; j++, at++) {
-      const moved = sums.mass[at] * this.size[i] * this.size[j], same = i === j;
+      const more = rows.reduce((sum, r) => sum + r[i] * r[j], 0) * (added?.mass ?? 0);
+      const moved = sums.mass[at] * this.size[i] * this.size[j] + more, same = i === j;
       a[i * n + j] = a[j * n + i] = (same ? 1 : 0) + sums.stiffness[at] - shift * moved;
       m[i * n + j] = m[j * n + i] = (same ? theta[i] : 0) + moved;
     }

@@ -144,7 +144,7 @@ test("frequencies with an error that all share count less", () => {
 
 test("what the true sum of squares says beside the limit of the region", () => {
   const region = { moving: [0], at: [0], rows: [1], offset: [0], limit: 4, centre: [0], precision: [1], radius_square: 4 };
-  const live = { region, x: [0], draws: null, others: [], parameters: [], configurations: [] };
+  const live = { region, x: [0], draws: null, others: [], mass_unit: "kg", parameters: [], configurations: [] };
   assert.match(truthText(live, { frequency: 1 }, { frequency: 4.5 }), /differs from that of the update by \+3\.5; 95 % limit 4: the data allow these values\.$/);
   assert.match(truthText(live, { frequency: 1 }, { frequency: 5.5 }), /the data speak against these values\.$/);
   assert.equal(truthText({ ...live, others: [{ kind: "FRF", chi_square: 1 }] }, { frequency: 1 }, { frequency: 4.5 }), "");
@@ -173,7 +173,8 @@ function chain(check: number): LiveModel {
     terms: [{ kind: "stiffness", parameters: [0], shape: [2], coefficients: [0, 1], scale: 1 }],
     triangles: packed(Float64Array.of(term(0, 0), term(0, 1), term(1, 1)), [1, 3]),
     sensors: packed(Float64Array.of(basis[0][0], basis[1][0], basis[0][1], basis[1][1]), [2, 2]),
-    sensor_labels: ["1X+", "2X+"], test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0, [0]]],
+    sensor_labels: ["1X+", "2X+"], mass_points: ["grid 1"],
+    mass_rows: packed(Float64Array.of(basis[0][0], basis[1][0], 0, 0, 0, 0), [1, 3, 2]), test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0, [0]]],
     parts: [{ kind: "frequency", quantity: "frequency", form: "eigenvalue", test: 0, sd: 0.5, sensors: [], weights: null, common: 0 }],
     region: null, bounds: { points: 1, frequency_percent: 0, mac: null, reduced_percent: null },
     checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0 }],
@@ -186,6 +187,9 @@ test("modes of a chain of two masses", () => {
   // λ² − (3 + 2x)λ + (1 + x) = 0
   const half = 1.5 + x, root = Math.sqrt(half * half - (1 + x));
   assert.ok(Math.abs(modes.eigenvalues[0] - (half - root)) < 1e-12 && Math.abs(modes.eigenvalues[1] - (half + root)) < 1e-12);
+  // a mass of 3 at the first one: 4 in its row
+  const heavy = model.modes([x], { point: 0, mass: 3 })!, b = (2 + x + 4 * (1 + x)) / 8, c = (1 + x) / 4;
+  assert.ok(Math.abs(heavy.eigenvalues[0] - (b - Math.sqrt(b * b - c))) < 1e-9, String(heavy.eigenvalues));
   const solved = model.solve(modes);
   assert.deepEqual(solved.pairs.map((p) => [p.test, p.column]), [[0, 0]]);
   assert.ok(solved.pairs[0].mac! > 0.98 && solved.pairs[0].mac! < 1);

@@ -327,6 +327,8 @@ class LiveConfigurationView:
     test_freq_hz: tuple[float, ...]
     test_shapes: Packed
     sensor_labels: tuple[str, ...]
+    mass_points: tuple[str, ...]
+    mass_rows: Packed | None
     pairs: tuple[tuple[int, int, tuple[int, ...]], ...]
     """Positions of test mode and mode of the updated model, and of all modes that span the motion."""
     parts: tuple[LivePartView, ...]
@@ -348,6 +350,7 @@ class LiveView:
     """A model that the reader changes."""
 
     parameters: tuple[LiveParameterView, ...]
+    mass_unit: str
     x: tuple[float, ...]
     region: LiveRegionView | None
     draws: LiveDrawsView | None

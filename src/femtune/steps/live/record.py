@@ -191,6 +191,11 @@ class LiveConfiguration(Record):
     """Key of all Chebyshev coefficients."""
     sensors_key: str
     """Key of the motion of the sensors (sensors, order)."""
+    mass_points: tuple[str, ...] = ()
+    """Points of sensors at which a mass can be added, "grid 101"; empty where the live model has not all degrees of
+    freedom of the model, which an added mass would need."""
+    mass_rows_key: str | None = None
+    """Key of the translations of these points (points, 3, order)."""
     drawing_key: str | None = None
     """Key of the vectors that shapes are drawn with (points, 3, vectors), steps of 8 bits; None where nothing is
     drawn."""

@@ -69,7 +69,9 @@ _SHOWN = 20
 """Models that the data allow, of those that a page shows."""
 _DRAWN_LINEAR = 300
 """Samples of the linearised distribution that a page weighs."""
+_MOST_MASS_POINTS = 60
 _UNDETERMINED = 100.0
+"""Widths of the samples that a combination of parameters is taken to have where the data leave it undetermined."""
 _LEAST_WIDTH = 1e-9
 _ORDERS = 1.25
 """Ratio of two orders that are tried one after the other."""
@@ -414,6 +416,7 @@ class _Making:
             "test_shapes": np.asarray(test.shapes, float),
             "weights": weights,
             **self._drawing(case, full, model),
+            **self._mass_rows(case, full),
         }
         checks = []
         for i, x in enumerate([*self._region_points(1, 6), *self._bounds_points(3, 6)][-3:]):
@@ -423,7 +426,7 @@ class _Making:
                 keys = {"x_key": f"{prefix}/check_{i}_x", "eigenvalues_key": f"{prefix}/check_{i}"}
                 checks.append(LiveCheck(chi_square=certified.chi_square(modes), **keys))
         arrays |= {f"{prefix}/{name}": a for name, a in stored.items()}
-        drawn = {f"{n}_key": f"{prefix}/{n}" for n in ("drawing", "drawing_weights") if n in stored}
+        drawn = {f"{n}_key": f"{prefix}/{n}" for n in ("drawing", "drawing_weights", "mass_rows") if n in stored}
         return LiveConfiguration(
             configuration=case.name, order=model.order, dofs=state.case.on_full_model.configured.n_free,
             compared_with="full model" if first.error is None else "reduced model", compared_order=first.model.order,
@@ -439,7 +442,9 @@ class _Making:
             ),
             triangles_key=f"{prefix}/triangles", polynomials_key=f"{prefix}/polynomials",
             sensors_key=f"{prefix}/sensors", test_shapes_key=f"{prefix}/test_shapes",
-            sensor_labels=tuple(map(str, test.dofs)), test_labels=tuple(test.labels),
+            sensor_labels=tuple(map(str, test.dofs)),
+            mass_points=tuple(f"grid {n}" for n in _mass_points(case)) if "mass_rows" in stored else (),
+            test_labels=tuple(test.labels),
             test_freq_hz=tuple(map(float, test.freq_hz)),
             pairs=tuple(
                 LivePair(test=i, mode=j, modes=tuple(models)) for i, j, models in _partners_at_update(state)
@@ -448,6 +453,16 @@ class _Making:
             region=certified.at(region) if len(region) else None, bounds=certified.at(self._bounds_points(_POINTS, 5)),
             checks=tuple(checks), **drawn,
         )  # fmt: skip
+
+    @staticmethod
+    def _mass_rows(case: StudyCase, full: Reals) -> dict[str, NDArray]:
+        """Translations of the points of the sensors; none where the live model is not the whole one."""
+        points = _mass_points(case)
+        if full.shape[0] != full.shape[1] or not points:
+            return {}
+        at = [case.configured.model.structure.nodes.position(n) for n in points]
+        rows = case.configured.transformation[(6 * np.array(at)[:, None] + np.arange(3)).ravel()]
+        return {"mass_rows": np.asarray(rows @ full, np.float32).reshape(len(points), 3, -1)}
 
     def _drawing(self, case: StudyCase, full: Reals, model: LiveModel) -> dict[str, NDArray]:
         """Vectors in which the shapes of the points lie, in steps of 8 bits, and their parts in the live model."""
@@ -481,6 +496,13 @@ def _same_kinds(configurations: list[LiveConfiguration], at: Evaluation) -> list
 def _partners_at_update(state: CaseState) -> list[tuple[int, int, tuple[int, ...]]]:
     """Test mode, its partner, and all modes that span its motion; of close modes those of one rank are partners."""
     return [(i, j, tuple(models)) for tests, models in state.groups for i, j in zip(tests, models)]
+
+
+def _mass_points(case: StudyCase) -> list[int]:
+    """Grid points that sensors of the modes are at."""
+    matches = () if case.sensors is None else case.sensors.matches
+    known = set(case.configured.model.structure.nodes.ids.tolist())
+    return [n for n in dict.fromkeys(m.node for m in matches if m.node is not None) if n in known][:_MOST_MASS_POINTS]
 
 
 def _part_records(parts: Sequence[PagePart]) -> tuple[LivePart, ...]:
