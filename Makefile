@@ -32,7 +32,7 @@ NOT_QUICK := $(addprefix examples/cases/,$(addsuffix /run.py,bootstrap_identifie
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-small bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -126,6 +126,9 @@ browser: $(VENV)/.stamp-test  ## check the newest report (or REPORT=path) in hea
 bench: $(VENV)/.stamp-test  ## time and memory against model size; takes hours and can be interrupted (BENCH_ARGS=--quick: a minute)
 	@$(BIN)/python benchmarks/size/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
+bench-small: $(VENV)/.stamp-test  ## one evaluation of small models beside dense NumPy; takes a minute
+	@$(ONE_THREAD) $(BIN)/python benchmarks/small/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
 # Peers that are compared live in a folder of their own: what they depend on must not reach the environment of femtune.
 PEERS := pyOMA-2 koma-python sdypy-EMA pandas openpyxl et_xmlfile scikit-learn joblib threadpoolctl requests tqdm plotly \
 	narwhals python-dateutil pytz tzdata six urllib3 idna certifi charset_normalizer
@@ -147,6 +150,8 @@ bench-surrogates: $(VENV)/.stamp-test  ## surrogates compared with four librarie
 	@test -d $(VENV)/peers/smt || $(PIP) --target $(VENV)/peers --no-deps $(SURROGATE_PEERS)
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
 	  $(BIN)/python benchmarks/surrogates/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
+	  $(BIN)/python benchmarks/surrogates/coverage.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 bench-search: $(VENV)/.stamp-test  ## runs of the model that a search needs with derivatives, a surrogate, or without both; takes minutes
 	@$(ONE_THREAD) $(BIN)/python benchmarks/search/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)

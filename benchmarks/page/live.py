@@ -246,13 +246,14 @@ def main() -> None:
     """Print the page, and write it where a folder is given."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="building and plate alone")
+    parser.add_argument("--only", help="one of the studies: building, plate, frame")
     parser.add_argument("--dofs", type=int, default=20_000, help="of the frame")
     parser.add_argument("--evidence", type=Path, help="folder for the page benchmark_live.md")
     chosen = parser.parse_args()
     found = []
     with tempfile.TemporaryDirectory() as temporary:
         for name, make in (("building", building), ("plate", plate), ("frame", lambda f: frame(f, chosen.dofs))):
-            if name == "frame" and chosen.quick:
+            if (name == "frame" and chosen.quick) or chosen.only not in (None, name):
                 continue
             folder = Path(temporary) / name
             folder.mkdir()

@@ -17,8 +17,9 @@ from femtune.residuals import ResidualBlock
 from femtune.sampling import ChainRules, Known, Likelihood, NormalBox, Sampler, SamplingRules, Scaled, noise_groups
 from femtune.status import Status
 from femtune.steps.posterior.facts import limits_of
+from femtune.steps.posterior.problem import solving_of
 from femtune.steps.posterior.record import OtherRegion, PosteriorNoise, PosteriorResults
-from femtune.steps.posterior.run import check_posterior, posterior_at, solving_of
+from femtune.steps.posterior.run import check_posterior, posterior_at
 from femtune.study.progress import silent
 
 

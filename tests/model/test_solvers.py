@@ -185,9 +185,32 @@ def test_the_environment_names_the_solver(name: str, expected: str, monkeypatch:
     assert factorise(net(4), "SuperLU").name == "SuperLU"
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_dense_factors_of_small_matrices(seed: int):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 60))
+    half = rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.4)
+    A = half + half.T + np.diag(rng.standard_normal(n))
+    # of pairs of pivots too: nothing on the diagonal
+    A[np.diag_indices(n)] *= seed % 2 or n == 1
+    A += 1e-3 * np.eye(n)[::-1]
+    factor, b = factorise(sp.csr_array(A)), rng.standard_normal((n, 3))
+    assert factor.name == "dense"
+    assert factor.negative_pivots == (np.linalg.eigvalsh(A) < 0.0).sum()
+    for right in (b, b[:, 0], b[:, :1] + 2j, b[:, :0]):
+        solved = factor.solve(right)
+        assert solved.shape == right.shape
+        np.testing.assert_allclose(A @ solved, right, atol=1e-6 * np.linalg.cond(A))
+
+
+def test_a_singular_small_matrix_has_no_dense_factors():
+    with pytest.raises(SingularMatrixError):
+        factorise(sp.csr_array(np.diag([1.0, 0.0, -1.0])))
+
+
 def test_automatic_is_by_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FEMTUNE_SOLVER", "automatic")
-    assert analyse(net(10)).name == "SuperLU"
+    assert (analyse(net(10)).name, analyse(net(20)).name) == ("dense", "SuperLU")
     assert analyse(net(60)).name == available_solvers()[0]
 
 

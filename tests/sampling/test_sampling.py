@@ -139,12 +139,15 @@ def test_sixty_parameters_that_are_not_linear_are_refused_with_the_reason() -> N
     assert "60 parameters has 1891 coefficients" in caught.value.what
 
 
+LIMITS = (2e-3, 1.0)
+
+
 def test_the_likelihood_with_errors_of_the_model_is_that_of_the_whole_covariance() -> None:
     rng = np.random.default_rng(2)
     n, m = 25, 5
     B, r = rng.normal(size=(n, m)), rng.normal(size=(3, n))
     groups = (NoiseGroup("a", np.arange(10), 10.0, True), NoiseGroup("b", np.arange(10, n), 15.0, False))
-    classes = (NuisanceClass("c", np.arange(2), 0.1), NuisanceClass("d", np.arange(2, m), 0.1))
+    classes = (NuisanceClass("c", np.arange(2), LIMITS), NuisanceClass("d", np.arange(2, m), LIMITS))
     likelihood = Likelihood(groups, classes, B)
     theta = 0.4 * rng.normal(size=(3, 3))
     for one, sizes, log in zip(r, np.exp(2 * theta), likelihood.at(r, theta)):
@@ -160,6 +163,17 @@ def test_the_likelihood_with_errors_of_the_model_is_that_of_the_whole_covariance
     ends = [likelihood.at(r + s * direction, theta + s * turn) for s in (step, -step)]
     slope = np.sum(np.hstack(by_parts) * direction, axis=1) + np.sum(by_theta * turn, axis=1)
     np.testing.assert_allclose((ends[0] - ends[1]) / (2 * step), slope, rtol=1e-6)
+
+
+def test_priors_of_sizes_have_a_unit_integral_and_their_gradient() -> None:
+    groups = (NoiseGroup("a", np.arange(3), 3.0, False),)
+    likelihood = Likelihood(groups, (NuisanceClass("c", np.arange(1), LIMITS),), np.ones((3, 1)))
+    theta = np.linspace(np.log(1e-9), np.log(1e7), 20_001)[:, None]
+    log, slope = likelihood.prior(theta)
+    assert np.trapezoid(np.exp(log), theta[:, 0]) == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(np.gradient(log, theta[:, 0])[1:-1], slope[1:-1, 0], atol=1e-5)
+    # all sizes between the limits alike
+    assert log[np.abs(theta[:, 0] - np.log(0.05)) < 0.5].std() < 0.03
 
 
 def test_a_surrogate_has_the_gradient_of_its_own_likelihood() -> None:

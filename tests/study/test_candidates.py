@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -370,3 +371,63 @@ def test_instances_by_the_mean_error(two: Bench) -> None:
     assert both.kept_near > 20
     assert "Instances that are not falsified" in (two.folder / "page.html").read_text(encoding="utf-8")
     assert any("instances of both" in sentence for sentence in found.record.sentences)
+
+
+SAMPLED = '[candidates]\nevidence = "sampled"\nleave_one_out = false\n[posterior]\ndraws = 200\n'
+
+
+def evidence(found: CandidatesResult) -> dict[str, float]:
+    """Logarithms of the sampled evidence by candidate, in the units of the linear one."""
+    return {c.name: c.sampled_log_evidence or np.nan for c in found.record.candidates}
+
+
+@pytest.mark.slow
+def test_the_sampled_evidence_is_the_linear_one_where_the_data_are_strong(two: Bench) -> None:
+    found = ft.candidates(study(two, SAMPLED + LISTED))
+    both, constant = evidence(found), -0.5 * 8 * np.log(2.0 * np.pi)
+    for c in found.record.candidates:
+        assert c.not_sampled == ""
+        assert both[c.name] == pytest.approx((c.log_evidence or np.nan) + constant, abs=0.15)
+        assert c.sampled_probability == pytest.approx(c.probability, abs=0.03)
+    assert not any(a.code.startswith("candidates.linear") for a in found.record.alerts)
+    # each configuration left out: the ratio of evidences with and without it
+    alone = {}
+    for name, kept in (("empty", "loaded"), ("loaded", "empty")):
+        part = CASES[CASES.index(f'[[configuration]]\nname = "{kept}"') :].split("\n\n", maxsplit=1)[0]
+        more = f"{part}\n{THREE}\n[residuals]\nfrequency_sd = 0.002\n{SAMPLED}{LISTED}"
+        alone[name] = evidence(ft.candidates(two.study(more, test=None)))
+    for c in found.record.candidates:
+        if c.parameters:
+            assert [one.configuration for one in c.left_out_evidence] == ["empty", "loaded"]
+            for one in c.left_out_evidence:
+                assert one.log_density == pytest.approx(both[c.name] - alone[one.configuration][c.name], abs=0.4)
+
+
+WIDE = "".join(
+    f'[[parameter]]\nname = "{name}"\nfields = ["{field}"]\nlower = 0.05\nupper = 20.0\n'
+    for name, field in (("root", "PBAR 1 I1"), ("tip", "PBAR 2 I1"), ("mass", "CONM2 9 M"))
+)
+THREE_LISTED = '\n[[candidate]]\nname = "three"\nparameters = ["root", "tip", "mass"]\n'
+
+
+@pytest.mark.slow
+def test_a_linear_evidence_that_is_wrong_is_told(two: Bench) -> None:
+    """With wide bounds and errors of 20 % all three parameters together leave a curved ridge."""
+    found = ft.candidates(study(two, SAMPLED + LISTED + THREE_LISTED, WIDE, sd=0.2))
+    (doubt,) = [a for a in found.record.alerts if a.code == "candidates.linear-evidence"]
+    assert "beside as one" in doubt.sentence or "beside initial values" in doubt.sentence
+    assert "for three (-1." in doubt.sentence
+    sentence = re.sub(r"\(-1\.\d\)", "(-1.3)", doubt.sentence)
+    check_shown("candidates.linear-evidence", f"[{doubt.code}] {sentence}")
+
+
+@pytest.mark.slow
+def test_samples_that_do_not_hold_are_told(two: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise FemtuneError("posterior.not-sampled", reason="the weights do not support it")
+
+    monkeypatch.setattr("femtune.steps.candidates.run.sampled_evidence", refuse)
+    found = ft.candidates(study(two, SAMPLED + LISTED))
+    told = [a for a in found.record.alerts if a.code == "candidates.not-sampled"]
+    assert [c.name for c in found.record.candidates if c.not_sampled] == ["both", "as one"]
+    check_shown("candidates.not-sampled", f"[{told[0].code}] {told[0].sentence}")

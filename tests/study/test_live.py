@@ -103,17 +103,29 @@ def test_chi_square_of_the_page_is_that_of_the_update(small: RunResult) -> None:
     assert {p.kind for p in live.configurations[0].parts} == {c.kind for c in update.residual_counts}
 
 
+def test_an_added_mass_is_that_of_a_deck_with_it(small: RunResult, bench: Bench) -> None:
+    live = small.results.live
+    assert live is not None
+    (one,) = live.configurations
+    assert one.mass_points == ("grid 2", "grid 3", "grid 4", "grid 5")
+    rows = small.arrays[one.mass_rows_key or ""][1]
+    text = _with(CANTILEVER, 1.5, 0.75).replace("SPC1 ", "CONM2   10      3               1.5\nSPC1 ")
+    deck = bench.write("heavy.bdf", text)
+    found = stored_model(live, one.configuration, small.arrays).modes(np.array([0.5, -0.25]), np.sqrt(1.5) * rows)
+    np.testing.assert_allclose(found.freq_hz, modes_of_deck(deck, one.count)[0], rtol=1e-5)
+
+
 def test_the_edge_of_the_region_is_a_sphere_in_its_own_coordinates(small: RunResult) -> None:
     live = small.results.live
     assert live is not None
     assert live.region is not None
     region = live.region
-    rows, offset, at, centre, spread = (
+    rows, offset, at, centre, precision = (
         small.arrays[k]
-        for k in (region.rows_key, region.offset_key, region.at_key, region.centre_key, region.spread_key)
+        for k in (region.rows_key, region.offset_key, region.at_key, region.centre_key, region.precision_key)
     )
     for u in np.random.default_rng(1).standard_normal((10, len(centre))):
-        x = centre + spread @ (u * np.sqrt(region.radius_square) / np.linalg.norm(u))
+        x = centre + u * np.sqrt(region.radius_square / (u @ precision @ u))
         assert np.sum((rows @ (x - at) + offset) ** 2) == pytest.approx(region.limit, rel=0.02)
 
 

@@ -529,6 +529,27 @@ test("the page answers questions about the region", async () => {
   await close();
 });
 
+test("a mass lowers frequencies, and a sensor that is left out changes the MAC alone", async () => {
+  const { page, panel, close } = await live();
+  const first = await frequencies(panel), c = (await viewOf(page)).live.configurations[0];
+  await panel.locator("summary", { hasText: "MAC without" }).click();
+  await answered(panel, () => panel.getByLabel(c.sensor_labels[0], { exact: true }).uncheck());
+  const without = await frequencies(panel);
+  assert.deepEqual(without.map((r) => r.slice(0, 3)), first.map((r) => r.slice(0, 3)));
+  await answered(panel, () => panel.getByRole("button", { name: "All sensors" }).click());
+  assert.deepEqual(await frequencies(panel), first);
+  if (c.mass_points.length) {
+    await panel.locator("summary", { hasText: "A mass at" }).click();
+    await panel.getByLabel(/^Mass/).fill("1000");
+    await answered(panel, () => page.keyboard.press("Tab"));
+    const heavy = await frequencies(panel);
+    for (const [test] of c.pairs) assert.ok(heavy[test][1] <= first[test][1] && heavy[test][0] === first[test][0]);
+    assert.match(await panel.locator(".answers > .shown").textContent(), /A mass of 1000 .* is added at grid/);
+    assert.equal(await panel.locator("table").nth(1).locator("tbody tr").last().locator("td").last().textContent(), "–");
+  }
+  await close();
+});
+
 test("a browser that finds other numbers shows none", async () => {
   const path = join(pictures, "spoiled.html");
   writeFileSync(path, readFileSync(pages[0], "utf8").replace(/("checks":\[\{"x":\[[^\]]*\],"eigenvalues":\[)([0-9.e+]+)/, (_, head, value) => head + 1.001 * Number(value)));

@@ -34,7 +34,7 @@ export interface Stabilisation {
 export interface LiveParameter {
   name: string; unit: string; nominal: number; updated: number; lower: number; upper: number; scale: number; interval: [number, number] | null;
 }
-export interface LiveRegion { moving: number[]; at: number[]; rows: number[]; offset: number[]; limit: number; centre: number[]; spread: number[]; radius_square: number }
+export interface LiveRegion { moving: number[]; at: number[]; rows: number[]; offset: number[]; limit: number; centre: number[]; precision: number[]; radius_square: number }
 export interface LiveDraws { source: "posterior" | "linear"; x: Packed; linear: number[] | null; degrees: number | null; factors: Record<string, number>; reason: string }
 export interface LiveTerm { kind: "stiffness" | "mass"; parameters: number[]; shape: number[]; coefficients: number[]; scale: number }
 export interface LivePart {
@@ -43,11 +43,11 @@ export interface LivePart {
 export interface LiveCertificate { points: number; frequency_percent: number; mac: number | null; reduced_percent: number | null }
 export interface LiveConfiguration {
   configuration: string; order: number; dofs: number; count: number; shift: number; theta: number[]; terms: LiveTerm[]; triangles: Packed; sensors: Packed;
-  test_labels: string[]; test_freq_hz: number[]; test_shapes: Packed; pairs: [number, number][]; parts: LivePart[];
+  test_labels: string[]; test_freq_hz: number[]; test_shapes: Packed; sensor_labels: string[]; mass_points: string[]; mass_rows: Packed | null; pairs: [number, number, number[]][]; parts: LivePart[];
   region: LiveCertificate | null; bounds: LiveCertificate; checks: { x: number[]; eigenvalues: number[]; chi_square: number }[];
 }
 export interface Live {
-  parameters: LiveParameter[]; x: number[]; region: LiveRegion | null; draws: LiveDraws | null; configurations: LiveConfiguration[]; others: { kind: string; chi_square: number }[];
+  parameters: LiveParameter[]; mass_unit: string; x: number[]; region: LiveRegion | null; draws: LiveDraws | null; configurations: LiveConfiguration[]; others: { kind: string; chi_square: number }[];
 }
 export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null; stabilisation: Stabilisation | null; live: Live | null }
 

@@ -1,7 +1,7 @@
 // The live model: sliders for the parameters; frequencies, MAC, χ² and a moving shape that follow them.
 
 import { readView, type Live, type LiveParameter, type View } from "./data.ts";
-import { choice, h, save, shown, svg } from "./dom.ts";
+import { choice, h, labelled, save, shown, svg } from "./dom.ts";
 import { inRegion, type Solved } from "./livemodel.ts";
 import { certificateText, partsOf, studyLines, truthText, written } from "./livetext.ts";
 import type { Answer, LiveShape } from "./liveworker.ts";
@@ -58,6 +58,11 @@ export class LivePanel {
   private readonly copied = h("span", { class: "note", role: "status" });
   private readonly host = h("div", { class: "liveshape" });
   private readonly worker: Worker;
+  private readonly off: Set<number>[];
+  private readonly masses = h("details", {}, h("summary", {}, "A mass at a sensor"));
+  private point = 0;
+  private mass = 0;
+  private readonly sensors = h("details", {}, h("summary", {}, "MAC without some sensors"));
   private readonly solved: (Solved | null)[];
   private readonly first: (Solved | null)[];
   private busy = false;
@@ -76,6 +81,7 @@ export class LivePanel {
     const live = this.live = view.live!;
     this.values = live.parameters.map((p) => p.updated);
     this.solved = live.configurations.map(() => null);
+    this.off = live.configurations.map(() => new Set());
     this.first = live.configurations.map(() => null);
     this.test = live.configurations[0].pairs[0]?.[0] ?? -1;
     this.sliders = live.parameters.map((p, k) => new Slider(p, k, (value) => this.set(k, value)));
@@ -107,7 +113,7 @@ export class LivePanel {
         h("div", { class: "answers" }, this.where, this.truth, this.certificate, h("div", { class: "controls" }, this.configuration.label),
           table("Frequencies and MAC now", ["Test mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
           table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.host)),
-      this.asks, lines);
+      this.asks, this.masses, this.sensors, lines);
     this.fillAsks();
     this.choose();
     this.sliders.forEach((s, i) => s.set(this.values[i]));
@@ -143,6 +149,11 @@ export class LivePanel {
 
   private takeAllowed(models: number[][], effective: number, weighed: boolean): void {
     const { source, reason, x } = this.live.draws!;
+    if (source === "linear" && !weighed) {
+      this.models.hidden = true;
+      this.told.textContent = `Samples of the linearised distribution cannot be weighed by the true χ² here: ${reason}. [posterior] in the study samples the models that the data allow.`;
+      return;
+    }
     if (weighed && (effective < LEAST_EFFECTIVE || !models.length)) {
       this.models.hidden = true;
       this.told.textContent = `The linearised distribution is no source of such models here: the true χ² leaves ${shown(effective, 2)} of ${x.shape[0]} samples. [posterior] in the study samples them.`;
@@ -151,8 +162,7 @@ export class LivePanel {
     this.allowed = models;
     this.models.hidden = false;
     this.source = source === "posterior" ? "a sample of the posterior distribution"
-      : weighed ? `of the linearised distribution, weighted by the true χ² (${shown(effective, 3)} of ${x.shape[0]} samples are effective)`
-      : `of the linearised distribution, not weighted by the true χ² (${reason})`;
+      : `of the linearised distribution, weighted by the true χ² and within its 95 % limit (${shown(effective, 3)} of ${x.shape[0]} samples are effective)`;
     this.showModel(0);
   }
 
@@ -194,8 +204,32 @@ export class LivePanel {
     if (!c.pairs.some(([test]) => test === this.test)) this.test = c.pairs[0]?.[0] ?? -1;
     const k = this.view.scenes.findIndex((s) => s.configuration === c.configuration);
     document.dispatchEvent(new CustomEvent("femtune:live-window", { detail: { host: this.host, scene: k } }));
+    this.mass = 0;
+    this.fillMasses();
+    this.fillSensors();
     this.fill();
     this.ask();
+  }
+
+  /** A point and a mass, where the live model can carry one. */
+  private fillMasses(): void {
+    const points = this.live.configurations[this.at].mass_points, { masses } = this, unit = this.live.mass_unit;
+    masses.hidden = !points.length;
+    const which = choice("Point", points, (k) => { this.point = k; if (this.mass) this.ask(); });
+    which.label.hidden = false;
+    this.point = 0;
+    const number = h("input", { type: "number", min: 0, step: "any", value: 0, change: () => { this.mass = Math.max(0, number.valueAsNumber || 0); number.value = String(this.mass); this.ask(); } });
+    masses.replaceChildren(masses.firstElementChild!, h("p", { class: "note" }, "Frequencies, MAC and shapes of this configuration are those with a point mass there. χ² would not be that of the test, and is not shown then."),
+      h("div", { class: "controls" }, which.label, labelled(unit ? `Mass, ${unit}` : "Mass", number)));
+  }
+
+  /** A box for each sensor of the configuration. */
+  private fillSensors(): void {
+    const labels = this.live.configurations[this.at].sensor_labels, off = this.off[this.at], { sensors } = this;
+    sensors.hidden = labels.length < 3;
+    const boxes = labels.map((label, i) => h("label", {}, h("input", { type: "checkbox", checked: !off.has(i), change: (e: Event) => { (e.target as HTMLInputElement).checked ? off.delete(i) : off.add(i); this.ask(); } }), label));
+    const all = h("button", { type: "button", click: () => { off.clear(); this.fillSensors(); this.ask(); } }, "All sensors");
+    sensors.replaceChildren(sensors.firstElementChild!, h("p", { class: "note" }, "The MAC in the table is that of the sensors that are chosen. χ² keeps all of them."), h("div", { class: "boxes" }, ...boxes), h("p", { class: "tools" }, all));
   }
 
   private ask(): void {
@@ -206,7 +240,7 @@ export class LivePanel {
     this.asked = performance.now();
     // the configuration that is shown comes first
     const rest = this.live.configurations.map((_, k) => k).filter((k) => k !== this.at);
-    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test } });
+    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)), added: this.mass ? { configuration: this.at, mass: { point: this.point, mass: this.mass } } : null });
   }
 
   private take(answer: Answer): void {
@@ -218,7 +252,7 @@ export class LivePanel {
     if (answer.kind === "extreme") { this.takeExtreme(answer.test, answer.sign, answer.extreme); return; }
     if (answer.kind === "allowed") { this.takeAllowed(answer.allowed.models, answer.allowed.effective, answer.allowed.weighed); return; }
     this.solved[answer.configuration] = answer.solved;
-    this.first[answer.configuration] ??= answer.solved;
+    if (!this.mass) this.first[answer.configuration] ??= answer.solved;
     if (answer.configuration === this.at) { this.fill(); this.say(); }
     if (answer.shape) this.draw(answer.shape);
     if (!answer.last) return;
@@ -242,6 +276,7 @@ export class LivePanel {
     this.where.textContent = same ? "These are the updated values." : inside === null ? "Within the bounds. The update gives no distribution of the parameters."
       : inside <= 1 ? "Within the 95 % region of the update (linearised)."
       : `Outside the 95 % region of the update (linearised), ${inside < 1.21 ? "just beyond its edge" : `${shown(Math.sqrt(inside), 2)} times as far as its edge`}.`;
+    if (this.mass) this.where.textContent += ` A mass of ${shown(this.mass)} ${this.live.mass_unit} is added at ${c.mass_points[this.point]}.`;
     const useRegion = c.region && ((inside !== null && inside <= 1) || same);
     this.certificate.textContent = useRegion ? certificateText(c.region!, "of the 95 % region") : certificateText(c.bounds, "within the bounds");
   }
@@ -271,14 +306,14 @@ export class LivePanel {
 
   private fillParts(): void {
     const whole = (list: (Solved | null)[]) => (list.every((s) => s !== null) ? partsOf(list as Solved[]) : null);
-    const now = whole(this.solved), first = whole(this.first);
+    const now = this.mass ? null : whole(this.solved), first = whole(this.first);
     const kinds = Object.keys(first ?? {}), total = (of: Record<string, number> | null) => of && kinds.reduce((sum, k) => sum + of[k], 0) + this.live.others.reduce((sum, o) => sum + o.chi_square, 0);
     const line = (name: string, a: number | null | undefined, b: number | null | undefined, muted = false) =>
       h("tr", { class: muted ? "muted" : "" }, h("th", { scope: "row" }, name), h("td", { class: "right" }, shown(a)), h("td", { class: "right" }, shown(b)));
     this.truth.textContent = first && now ? truthText(this.live, first, now) : "";
     this.truth.classList.toggle("poor", this.truth.textContent.endsWith("against these values."));
     this.parts.replaceChildren(...kinds.map((k) => line(k, first?.[k], now?.[k])),
-      ...this.live.others.map((o) => line(`${o.kind} (not computed again)`, o.chi_square, o.chi_square, true)), line("total", total(first), total(now)));
+      ...this.live.others.map((o) => line(`${o.kind} (not computed again)`, o.chi_square, this.mass ? null : o.chi_square, true)), line("total", total(first), total(now)));
   }
 
   private draw(shape: LiveShape): void {

@@ -2,11 +2,14 @@
 
 import type { LiveConfiguration, LivePart, LiveRegion, LiveTerm } from "./data.ts";
 import { unpackDouble } from "./data.ts";
+import { polarFactor, solveDense } from "./dense.ts";
 import { largestPairs } from "./eigen.ts";
 
 const MASSLESS = 1e-14, LEAST_MASS = 1e-6;
 
 export interface Modes { eigenvalues: Float64Array; freq_hz: Float64Array; shapes: Float64Array[]; mass: Float64Array }
+/** A mass at one of the points that carry one. */
+export interface AddedMass { point: number; mass: number }
 /** A test mode and the position of its partner at the point; −1 without one. */
 export interface LivePair { test: number; column: number; mac: number | null }
 export interface Solved { freq_hz: Float64Array; pairs: LivePair[]; mac: Float64Array; squares: Record<string, number>; common: [number, number]; chiSquare: number }
@@ -73,12 +76,43 @@ export function macOf(shape: Float64Array, test: Float64Array): number {
   return a > 0 && b > 0 ? (inner * inner) / (a * b) : NaN;
 }
 
+/** Part of a test's shape in the span of some model shapes, over the entries that the test has: the MAC of one shape. */
+export function subspaceMac(shapes: Float64Array[], test: Float64Array): number {
+  const rows = Array.from(test.keys()).filter((i) => !Number.isNaN(test[i])), target = rows.map((i) => test[i]);
+  const basis: number[][] = [];
+  for (const shape of shapes) {
+    const v = rows.map((i) => shape[i]), before = Math.hypot(...v);
+    for (const b of basis) { const d = v.reduce((sum, e, i) => sum + e * b[i], 0); v.forEach((_, i) => { v[i] -= d * b[i]; }); }
+    const size = Math.hypot(...v);
+    if (size > 1e-9 * before) basis.push(v.map((e) => e / size));
+  }
+  const whole = target.reduce((sum, e) => sum + e * e, 0);
+  return whole > 0 ? basis.reduce((sum, b) => sum + b.reduce((inner, e, i) => inner + e * target[i], 0) ** 2, 0) / whole : NaN;
+}
+
+/** Eigenvalues and shapes of the combinations of close modes that are nearest to test shapes, as femtune.residuals.aligned. */
+export function aligned(shapes: Float64Array[], eigenvalues: number[], tests: Float64Array[]): { eigenvalues: number[]; shapes: Float64Array[] } {
+  if (shapes.length === 1) return { eigenvalues, shapes };
+  const columns = tests.map((b) => {
+    const rows = Array.from(b.keys()).filter((i) => !Number.isNaN(b[i]));
+    const inner = (p: Float64Array, q: Float64Array) => rows.reduce((sum, i) => sum + p[i] * q[i], 0);
+    const x = solveDense(shapes.map((p) => shapes.map((q) => inner(p, q))), shapes.map((p) => inner(p, b))), size = Math.hypot(...x);
+    return x.map((v) => v / size);
+  });
+  const Q = polarFactor(columns);
+  return {
+    eigenvalues: Q.map((q) => q.reduce((sum, v, a) => sum + v * v * eigenvalues[a], 0)),
+    shapes: Q.map((q) => shapes[0].map((_, s) => q.reduce((sum, v, a) => sum + v * shapes[a][s], 0))),
+  };
+}
+
 export class LiveModel {
   readonly size: Float64Array;
   private readonly triangles: Float64Array[];
   readonly sensors: Float64Array;
   readonly tests: Float64Array[];
   private readonly weights: Map<LivePart, Float64Array>;
+  private readonly massRows: Float64Array | null;
 
   constructor(readonly data: LiveConfiguration, readonly lower: number[], readonly upper: number[]) {
     const { order, theta } = data, n = (order * (order + 1)) / 2;
@@ -86,22 +120,24 @@ export class LiveModel {
     this.triangles = data.terms.map((t, k) => Float64Array.from(all.subarray(k * n, (k + 1) * n), (v) => v * t.scale));
     this.size = Float64Array.from(theta, (t) => Math.sqrt(Math.max(t, LEAST_MASS * Math.max(...theta))));
     this.sensors = unpackDouble(data.sensors);
+    this.massRows = data.mass_rows && unpackDouble(data.mass_rows);
     const shapes = unpackDouble(data.test_shapes), modes = data.test_labels.length, count = modes ? shapes.length / modes : 0;
     this.tests = data.test_labels.map((_, i) => Float64Array.from({ length: count }, (_, s) => shapes[s * modes + i]));
     this.weights = new Map(data.parts.filter((p) => p.weights).map((p) => [p, Float64Array.from(p.weights!)]));
   }
 
-  /** The lowest modes; null where the model has none. */
-  modes(x: ArrayLike<number>): Modes | null {
+  /** The lowest modes, with a mass at a point where one is added; null where the model has none. */
+  modes(x: ArrayLike<number>, added: AddedMass | null = null): Modes | null {
     const { order: n, theta, shift, terms } = this.data;
     const sums = { stiffness: new Float64Array((n * (n + 1)) / 2), mass: new Float64Array((n * (n + 1)) / 2) };
     terms.forEach((term, k) => {
       const f = polynomial(term, x, this.lower, this.upper), to = sums[term.kind], from = this.triangles[k];
       if (f !== 0) for (let i = 0; i < to.length; i++) to[i] += f * from[i];
     });
-    const a = new Float64Array(n * n), m = new Float64Array(n * n);
+    const a = new Float64Array(n * n), m = new Float64Array(n * n), rows = added && this.massRows ? [0, 1, 2].map((d) => this.massRows!.subarray((3 * added.point + d) * n, (3 * added.point + d + 1) * n)) : [];
     for (let i = 0, at = 0; i < n; i++) for (let j = i; j < n; j++, at++) {
-      const moved = sums.mass[at] * this.size[i] * this.size[j], same = i === j;
+      const more = rows.reduce((sum, r) => sum + r[i] * r[j], 0) * (added?.mass ?? 0);
+      const moved = sums.mass[at] * this.size[i] * this.size[j] + more, same = i === j;
       a[i * n + j] = a[j * n + i] = (same ? 1 : 0) + sums.stiffness[at] - shift * moved;
       m[i * n + j] = m[j * n + i] = (same ? theta[i] : 0) + moved;
     }
@@ -146,33 +182,44 @@ export class LiveModel {
 
   /** The partner of each test mode: the mode that its partner of the update has become. */
   follow(modes: Modes): Map<number, number> {
-    const { order: n, theta, pairs } = this.data;
-    if (!pairs.length || modes.shapes.length < pairs.length) return new Map();
-    const cost = pairs.map(([, j]) => modes.shapes.map((shape) => {
+    const become = this.followed(modes);
+    return new Map(become.size ? this.data.pairs.map(([test, j]) => [test, become.get(j)!]) : []);
+  }
+
+  /** What the modes of the update that are compared have become. */
+  private followed(modes: Modes): Map<number, number> {
+    const { order: n, theta, pairs } = this.data, old = [...new Set(pairs.flatMap(([, , group]) => group))];
+    if (!old.length || modes.shapes.length < old.length) return new Map();
+    const cost = old.map((j) => modes.shapes.map((shape) => {
       let sum = 0;
       for (let i = 0; i < n; i++) sum += modes.mass[j * n + i] * shape[i];
       return -(sum * sum) / theta[j];
     }));
     const found = assignment(cost);
-    return new Map(pairs.map(([test], k) => [test, found[k]]));
+    return new Map(old.map((j, k) => [j, found[k]]));
   }
 
-  /** All that is shown of a point. */
-  solve(modes: Modes): Solved {
-    const { data } = this, partner = this.follow(modes), seen = modes.shapes.map((s) => this.seen(s));
-    const mac = new Float64Array(data.test_labels.length * seen.length);
-    data.test_labels.forEach((_, i) => seen.forEach((s, j) => { mac[i * seen.length + j] = macOf(s, this.tests[i]); }));
-    const measured = this.tests.length > 0 && this.tests[0].length > 1;
+  /** All that is shown of a point; the MAC without the sensors that are `off`, which residuals have all the same. */
+  solve(modes: Modes, off: number[] = []): Solved {
+    const { data } = this, become = this.followed(modes), partner = this.follow(modes), seen = modes.shapes.map((s) => this.seen(s));
+    const mac = new Float64Array(data.test_labels.length * seen.length), out = new Set(off);
+    const tests = out.size ? this.tests.map((t) => t.map((v, i) => (out.has(i) ? NaN : v))) : this.tests;
+    data.test_labels.forEach((_, i) => seen.forEach((s, j) => { mac[i * seen.length + j] = macOf(s, tests[i]); }));
+    const measured = this.tests.length > 0 && this.tests[0].length - out.size > 1;
+    // of close modes what the subspace has of the test's shape
+    const group = new Map(become.size ? data.pairs.filter(([, , old]) => old.length > 1).map(([test, , old]) => [test, old.map((j) => become.get(j)!)]) : []);
+    const motion = this.motions(modes, become, seen);
     const pairs = data.test_labels.map((_, test) => {
-      const column = partner.get(test) ?? -1, value = column < 0 ? NaN : mac[test * seen.length + column];
+      const column = partner.get(test) ?? -1, with_ = group.get(test);
+      const value = column < 0 ? NaN : with_ ? subspaceMac(with_.map((c) => seen[c]), tests[test]) : mac[test * seen.length + column];
       return { test, column, mac: measured && !Number.isNaN(value) ? value : null };
     });
     const squares: Record<string, number> = {};
     let u2 = 0, ur = 0, chiSquare = 0;
     for (const part of data.parts) {
-      const j = partner.get(part.test);
-      if (j === undefined) continue;
-      const values = this.residuals(part, modes.eigenvalues[j], seen[j]);
+      const own = motion.get(part.test);
+      if (!own) continue;
+      const values = this.residuals(part, own.eigenvalue, own.shape);
       let sum = 0;
       for (const v of values) sum += v * v;
       chiSquare += sum;
@@ -180,6 +227,18 @@ export class LiveModel {
       if (part.common) { u2 += part.common * part.common; ur += part.common * values[0]; }
     }
     return { freq_hz: modes.freq_hz, pairs, mac, squares, common: [u2, ur], chiSquare };
+  }
+
+  /** Eigenvalue and shape at the sensors of what each test mode is compared with. */
+  private motions(modes: Modes, become: Map<number, number>, seen: Float64Array[]): Map<number, { eigenvalue: number; shape: Float64Array }> {
+    const out = new Map<number, { eigenvalue: number; shape: Float64Array }>();
+    if (!become.size) return out;
+    for (const key of new Set(this.data.pairs.map(([, , old]) => old.join()))) {
+      const of = this.data.pairs.filter(([, , old]) => old.join() === key), columns = of[0][2].map((j) => become.get(j)!);
+      const found = aligned(columns.map((c) => seen[c]), columns.map((c) => modes.eigenvalues[c]), of.map(([test]) => this.tests[test]));
+      of.forEach(([test], i) => out.set(test, { eigenvalue: found.eigenvalues[i], shape: found.shapes[i] }));
+    }
+    return out;
   }
 
   private residuals(part: LivePart, eigenvalue: number, seen: Float64Array): Float64Array {

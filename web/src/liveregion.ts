@@ -1,6 +1,7 @@
 // Questions about the 95 % region: models that the data allow, and the lowest and highest frequency in it.
 
 import { unpackDouble, type LiveDraws, type LiveRegion } from "./data.ts";
+import { solveDense } from "./dense.ts";
 import { inRegion, polynomial, type LiveModel, type Modes } from "./livemodel.ts";
 
 export interface Allowed { models: number[][]; effective: number; weighed: boolean }
@@ -49,18 +50,38 @@ export function eigenvalueGradient(model: LiveModel, x: number[], modes: Modes, 
   });
 }
 
-/** The point of the region (and the bounds) that a linear function with slopes g is largest at, but for what bounds cut off. */
+/**
+ * The point of the region and the bounds at which a linear function with slopes g is largest. Parameters that would leave
+ * their bounds are set to them one after the other, the region is cut there.
+ */
 export function linearOptimum(region: LiveRegion | null, x: number[], g: number[], lower: number[], upper: number[]): number[] {
-  const out = x.slice();
-  if (region === null) return out.map((v, i) => (g[i] > 0 ? upper[i] : g[i] < 0 ? lower[i] : v));
-  const { moving, centre, spread, radius_square } = region, k = moving.length;
-  // in u with x = centre + G u the region is a ball
-  const u = Array.from({ length: k }, (_, j) => moving.reduce((sum, p, i) => sum + spread[i * k + j] * g[p], 0));
-  const size = Math.hypot(...u) || 1, r = Math.sqrt(radius_square);
-  moving.forEach((p, i) => { out[p] = centre[i] + u.reduce((sum, v, j) => sum + (spread[i * k + j] * v * r) / size, 0); });
-  const inside = out.map((v, i) => Math.min(upper[i], Math.max(lower[i], v)));
-  // clipping may leave the ball: back towards the middle
-  for (let turn = 0; turn < 60 && inRegion(region, inside) > 1 + 1e-9; turn++) moving.forEach((p, i) => { inside[p] += 0.05 * (Math.min(upper[p], Math.max(lower[p], centre[i])) - inside[p]); });
+  if (region === null) return x.map((v, i) => (g[i] > 0 ? upper[i] : g[i] < 0 ? lower[i] : v));
+  const { moving, centre, precision, radius_square } = region, k = moving.length, out = x.slice();
+  const H = (i: number, j: number) => precision[i * k + j], places = Array.from({ length: k }, (_, i) => i);
+  const d = new Array(k).fill(0), fixed = new Set<number>();
+  for (let turn = 0; turn <= k; turn++) {
+    const free = places.filter((i) => !fixed.has(i)), held = places.filter((i) => fixed.has(i));
+    const inner = free.map((i) => free.map((j) => H(i, j)));
+    const shift = solveDense(inner, free.map((i) => -held.reduce((sum, j) => sum + H(i, j) * d[j], 0)));
+    const way = solveDense(inner, free.map((i) => g[moving[i]]));
+    // what the parameters at their bounds leave of the radius
+    const used = held.reduce((sum, i) => sum + d[i] * (held.reduce((s, j) => s + H(i, j) * d[j], 0) + free.reduce((s, j, a) => s + H(i, j) * shift[a], 0)), 0);
+    const rise = free.reduce((sum, i, a) => sum + g[moving[i]] * way[a], 0), rest = Math.max(0, radius_square - used);
+    free.forEach((i, a) => { d[i] = shift[a] + (rise > 0 ? way[a] * Math.sqrt(rest / rise) : 0); });
+    let worst = -1, most = 1e-12;
+    for (const i of free) {
+      const p = moving[i], value = centre[i] + d[i], off = Math.max(lower[p] - value, value - upper[p]) / (upper[p] - lower[p]);
+      if (off > most) { most = off; worst = i; }
+    }
+    if (worst < 0) break;
+    const p = moving[worst];
+    d[worst] = Math.min(upper[p], Math.max(lower[p], centre[worst] + d[worst])) - centre[worst];
+    fixed.add(worst);
+  }
+  const inside = out.slice(), middle = moving.map((p, i) => Math.min(upper[p], Math.max(lower[p], centre[i])));
+  moving.forEach((p, i) => { inside[p] = Math.min(upper[p], Math.max(lower[p], centre[i] + d[i])); });
+  // where the bounds leave nothing of the region on that side: back towards its middle
+  for (let turn = 0; turn < 200 && inRegion(region, inside) > 1 + 1e-9; turn++) moving.forEach((p, i) => { inside[p] += 0.05 * (middle[i] - inside[p]); });
   return inside;
 }
 

@@ -1,12 +1,12 @@
 // The worker that solves the live model, so that the page stays quick while a reader drags.
 
 import { unpack, type Live, type SceneData } from "./data.ts";
-import { inRegion, LiveModel, verified, type Modes, type Solved } from "./livemodel.ts";
+import { inRegion, LiveModel, verified, type AddedMass, type Modes, type Solved } from "./livemodel.ts";
 import { drawRows, extreme, logWeights, resampled, type Allowed, type Extreme } from "./liveregion.ts";
 import { partsOf, scaledSquares } from "./livetext.ts";
 
 export interface Begin { kind: "begin"; live: Live; shapes: (SceneData["live"])[] }
-export interface Solve { kind: "solve"; id: number; x: number[]; configurations: number[]; shape: { configuration: number; test: number } | null }
+export interface Solve { kind: "solve"; id: number; x: number[]; configurations: number[]; shape: { configuration: number; test: number } | null; off: number[][]; added: { configuration: number; mass: AddedMass } | null }
 /** Asks for models that the data allow. */
 export interface AskAllowed { kind: "allowed"; count: number }
 /** Asks for the lowest (−1) or highest (1) frequency of a test mode in the region. */
@@ -32,9 +32,9 @@ function begin(given: Begin): void {
   answer({ kind: "ready", verified: models.every(verified) });
 }
 
-function solve({ id, x, configurations, shape }: Solve): void {
+function solve({ id, x, configurations, shape, off, added }: Solve): void {
   configurations.forEach((k, i) => {
-    const model = models[k], modes = model.modes(x), solved = modes && model.solve(modes);
+    const model = models[k], modes = model.modes(x, added?.configuration === k ? added.mass : null), solved = modes && model.solve(modes, off[k]);
     const drawn = modes && solved && shape?.configuration === k ? shapeOf(k, shape.test, modes, solved) : null;
     answer({ kind: "solved", id, configuration: k, solved, shape: drawn, last: i === configurations.length - 1 }, drawn ? [drawn.motion.buffer] : []);
   });
@@ -68,11 +68,13 @@ function trueSquares(x: number[], factors: Record<string, number>): number | nul
 function allowed({ count }: AskAllowed): void {
   const { draws, region } = live, rows = draws ? drawRows(draws) : [];
   if (!draws || !draws.linear || draws.reason || !region) {
-    answer({ kind: "allowed", allowed: { models: rows.slice(0, count), effective: rows.length, weighed: false } });
+    answer({ kind: "allowed", allowed: { models: draws?.source === "posterior" ? rows.slice(0, count) : [], effective: rows.length, weighed: false } });
     return;
   }
   const at: [number, number] = [inRegion(region, live.x) * region.limit, trueSquares(live.x, draws.factors) ?? 0];
-  const logs = logWeights(draws.linear, rows.map((x) => trueSquares(x, draws.factors)), at, draws.degrees, region.moving.length);
+  // those within the 95 % limit of the true χ²
+  const within = (q: number | null) => (q !== null && q - at[1] <= region.limit - at[0] ? q : null);
+  const logs = logWeights(draws.linear, rows.map((x) => within(trueSquares(x, draws.factors))), at, draws.degrees, region.moving.length);
   const { chosen, effective } = resampled(logs, count);
   answer({ kind: "allowed", allowed: { models: chosen.map((i) => rows[i]), effective, weighed: true } });
 }

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { largestPairs } from "../src/eigen.ts";
-import { assignment, chebyshev, differences, inRegion, LiveModel, macOf, polynomial, verified } from "../src/livemodel.ts";
+import { aligned, assignment, chebyshev, differences, inRegion, LiveModel, macOf, polynomial, subspaceMac, verified } from "../src/livemodel.ts";
 import { eigenvalueGradient, extreme, linearOptimum, logWeights, resampled } from "../src/liveregion.ts";
 import { certificateText, partsOf, scaledSquares, studyLines, truthText } from "../src/livetext.ts";
 import type { LiveConfiguration, Packed } from "../src/data.ts";
@@ -72,23 +72,28 @@ test("the assignment with the smallest sum", () => {
 });
 
 test("the region is an ellipsoid about its centre", () => {
-  const region = { moving: [1], at: [2], rows: [3], offset: [0.5], limit: 4, centre: [2 - 0.5 / 3], spread: [1 / 3], radius_square: 4 };
+  const region = { moving: [1], at: [2], rows: [3], offset: [0.5], limit: 4, centre: [2 - 0.5 / 3], precision: [9], radius_square: 4 };
   assert.equal(inRegion(region, [99, 2.5]), 1);
   assert.ok(inRegion(region, [99, 2.6]) > 1 && inRegion(region, [99, 2.4]) < 1);
 });
 
 test("the optimum of a linear function in the region stays in the bounds", () => {
   // |(x − 1, 2(y − 1))| ≤ 1
-  const region = { moving: [0, 1], at: [1, 1], rows: [1, 0, 0, 2], offset: [0, 0], limit: 1, centre: [1, 1], spread: [1, 0, 0, 0.5], radius_square: 1 };
+  const region = { moving: [0, 1], at: [1, 1], rows: [1, 0, 0, 2], offset: [0, 0], limit: 1, centre: [1, 1], precision: [1, 0, 0, 4], radius_square: 1 };
   const wide = linearOptimum(region, [1, 1], [1, 2], [0, 0], [3, 3]);
   assert.ok(Math.abs(wide[0] - 1 - Math.SQRT1_2) < 1e-12 && Math.abs(wide[1] - 1 - 0.5 * Math.SQRT1_2) < 1e-12);
   const cut = linearOptimum(region, [1, 1], [1, 2], [0, 0], [1.2, 3]);
-  assert.ok(cut[0] <= 1.2 && inRegion(region, cut) <= 1 + 1e-9);
+  // the rest of the radius goes to the other one
+  assert.ok(Math.abs(cut[0] - 1.2) < 1e-12 && Math.abs(cut[1] - 1 - 0.5 * Math.sqrt(1 - 0.04)) < 1e-12);
+  // a narrow valley across the bounds
+  const valley = { moving: [0, 1], at: [0, 0], rows: [10, -10, 1, 1], offset: [0, 0], limit: 4, centre: [0, 0], precision: [101, -99, -99, 101], radius_square: 4 };
+  const end = linearOptimum(valley, [0, 0], [1, 0.2], [-0.5, -2], [0.5, 2]);
+  assert.ok(end[0] <= 0.5 && inRegion(valley, end) <= 1 + 1e-9 && end[0] > 0.5 - 1e-9);
   assert.deepEqual(linearOptimum(null, [1, 1], [-1, 2], [0, 0], [3, 4]), [0, 4]);
 });
 
 test("the lowest and the highest frequency in a region, by a closed form", () => {
-  const model = chain(0), at = [0.1], region = { moving: [0], at: [0.1], rows: [5], offset: [0], limit: 1, centre: [0.1], spread: [0.2], radius_square: 1 };
+  const model = chain(0), at = [0.1], region = { moving: [0], at: [0.1], rows: [5], offset: [0], limit: 1, centre: [0.1], precision: [25], radius_square: 1 };
   const exact = (x: number) => { const half = 1.5 + x; return Math.sqrt(half - Math.sqrt(half * half - (1 + x))) / (2 * Math.PI); };
   const modes = model.modes(at)!, h = 1e-5, slope = (model.modes([0.1 + h])!.eigenvalues[0] - model.modes([0.1 - h])!.eigenvalues[0]) / (2 * h);
   assert.ok(Math.abs(eigenvalueGradient(model, at, modes, 0)[0] - slope) < 1e-8);
@@ -115,6 +120,22 @@ test("differences of shapes in their scales", () => {
   assert.equal(macOf(phi, Float64Array.of(-4, NaN, -2)), 1);
 });
 
+test("the part of a shape in a subspace", () => {
+  const a = Float64Array.of(1, 0, 0, 5), b = Float64Array.of(1, 1, 0, 5), t = Float64Array.of(3, 4, 12, NaN);
+  assert.ok(Math.abs(subspaceMac([a, b], t) - 25 / 169) < 1e-15);
+  assert.ok(Math.abs(subspaceMac([b], t) - macOf(b, t)) < 1e-15);
+  assert.ok(Math.abs(subspaceMac([b, b], t) - macOf(b, t)) < 1e-15);
+});
+
+test("close modes are turned to the test's shapes", () => {
+  const c = Math.cos(0.3), s = Math.sin(0.3), [a, b] = [Float64Array.of(1, 0, 2), Float64Array.of(0, 1, -1)];
+  const turned = [a.map((v, i) => c * v + s * b[i]), a.map((v, i) => -s * v + c * b[i])];
+  const found = aligned([a, b], [4, 9], [turned[0].map((v) => 3 * v), turned[1]]);
+  found.shapes.forEach((shape, k) => shape.forEach((v, i) => assert.ok(Math.abs(v - turned[k][i]) < 1e-12)));
+  assert.ok(Math.abs(found.eigenvalues[0] - (4 * c * c + 9 * s * s)) < 1e-12);
+  assert.deepEqual(aligned([a], [4], [b]), { eigenvalues: [4], shapes: [a] });
+});
+
 test("frequencies with an error that all share count less", () => {
   const one = { freq_hz: new Float64Array(), pairs: [], mac: new Float64Array(), squares: { frequency: 8, shape: 1 }, common: [2, 4] as [number, number], chiSquare: 9 };
   // rᵀ(1 + uuᵀ)⁻¹r of r = (2, 2), u = (1, 1)
@@ -122,8 +143,8 @@ test("frequencies with an error that all share count less", () => {
 });
 
 test("what the true sum of squares says beside the limit of the region", () => {
-  const region = { moving: [0], at: [0], rows: [1], offset: [0], limit: 4, centre: [0], spread: [1], radius_square: 4 };
-  const live = { region, x: [0], draws: null, others: [], parameters: [], configurations: [] };
+  const region = { moving: [0], at: [0], rows: [1], offset: [0], limit: 4, centre: [0], precision: [1], radius_square: 4 };
+  const live = { region, x: [0], draws: null, others: [], mass_unit: "kg", parameters: [], configurations: [] };
   assert.match(truthText(live, { frequency: 1 }, { frequency: 4.5 }), /differs from that of the update by \+3\.5; 95 % limit 4: the data allow these values\.$/);
   assert.match(truthText(live, { frequency: 1 }, { frequency: 5.5 }), /the data speak against these values\.$/);
   assert.equal(truthText({ ...live, others: [{ kind: "FRF", chi_square: 1 }] }, { frequency: 1 }, { frequency: 4.5 }), "");
@@ -152,7 +173,8 @@ function chain(check: number): LiveModel {
     terms: [{ kind: "stiffness", parameters: [0], shape: [2], coefficients: [0, 1], scale: 1 }],
     triangles: packed(Float64Array.of(term(0, 0), term(0, 1), term(1, 1)), [1, 3]),
     sensors: packed(Float64Array.of(basis[0][0], basis[1][0], basis[0][1], basis[1][1]), [2, 2]),
-    test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0]],
+    sensor_labels: ["1X+", "2X+"], mass_points: ["grid 1"],
+    mass_rows: packed(Float64Array.of(basis[0][0], basis[1][0], 0, 0, 0, 0), [1, 3, 2]), test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0, [0]]],
     parts: [{ kind: "frequency", quantity: "frequency", form: "eigenvalue", test: 0, sd: 0.5, sensors: [], weights: null, common: 0 }],
     region: null, bounds: { points: 1, frequency_percent: 0, mac: null, reduced_percent: null },
     checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0 }],
@@ -165,6 +187,9 @@ test("modes of a chain of two masses", () => {
   // λ² − (3 + 2x)λ + (1 + x) = 0
   const half = 1.5 + x, root = Math.sqrt(half * half - (1 + x));
   assert.ok(Math.abs(modes.eigenvalues[0] - (half - root)) < 1e-12 && Math.abs(modes.eigenvalues[1] - (half + root)) < 1e-12);
+  // a mass of 3 at the first one: 4 in its row
+  const heavy = model.modes([x], { point: 0, mass: 3 })!, b = (2 + x + 4 * (1 + x)) / 8, c = (1 + x) / 4;
+  assert.ok(Math.abs(heavy.eigenvalues[0] - (b - Math.sqrt(b * b - c))) < 1e-9, String(heavy.eigenvalues));
   const solved = model.solve(modes);
   assert.deepEqual(solved.pairs.map((p) => [p.test, p.column]), [[0, 0]]);
   assert.ok(solved.pairs[0].mac! > 0.98 && solved.pairs[0].mac! < 1);

@@ -248,7 +248,7 @@ class LiveRegionView:
     offset: tuple[float, ...]
     limit: float
     centre: tuple[float, ...]
-    spread: tuple[float, ...]
+    precision: tuple[float, ...]
     radius_square: float
 
 
@@ -326,8 +326,11 @@ class LiveConfigurationView:
     test_labels: tuple[str, ...]
     test_freq_hz: tuple[float, ...]
     test_shapes: Packed
-    pairs: tuple[tuple[int, int], ...]
-    """Positions of test mode and mode of the updated model."""
+    sensor_labels: tuple[str, ...]
+    mass_points: tuple[str, ...]
+    mass_rows: Packed | None
+    pairs: tuple[tuple[int, int, tuple[int, ...]], ...]
+    """Positions of test mode and mode of the updated model, and of all modes that span the motion."""
     parts: tuple[LivePartView, ...]
     region: LiveCertificateView | None
     bounds: LiveCertificateView
@@ -347,6 +350,7 @@ class LiveView:
     """A model that the reader changes."""
 
     parameters: tuple[LiveParameterView, ...]
+    mass_unit: str
     x: tuple[float, ...]
     region: LiveRegionView | None
     draws: LiveDrawsView | None

@@ -74,6 +74,18 @@ class ConfiguredModel:
         """The pattern of both triangles, made when a consumer asks for a full matrix."""
         return BothTriangles.of(self.indptr, self.indices)
 
+    @cached_property
+    def _spreads(self) -> dict[MatrixKind, sp.csr_array]:
+        parts: dict[MatrixKind, list[sp.csr_array]] = {}
+        for p in self.projected:
+            if p.term.coefficient:
+                parts.setdefault(p.term.matrix, []).append(p.spread)
+        return {kind: sp.csr_array(sp.hstack(some, format="csr")) for kind, some in parts.items()}
+
+    def spread(self, kind: MatrixKind) -> sp.csr_array:
+        """(nnz, columns) what the coefficients of all terms of a matrix that have some are multiplied by."""
+        return self._spreads[kind]
+
     def at(self, x: NDArray) -> ModelPoint:
         """The model at one normalised parameter vector."""
         return ModelPoint(self, np.asarray(x))
@@ -92,10 +104,11 @@ class ConfiguredModel:
         return digest(*parts)
 
 
+_OF_MODES: tuple[MatrixKind, ...] = ("stiffness", "mass")
 _MATRICES = (
     "stiffness", "mass", "viscous", "hysteretic", "element_hysteretic", "stiffness_derivatives", "mass_derivatives",
     "viscous_derivatives", "hysteretic_derivatives", "element_hysteretic_derivatives", "symmetric_stiffness",
-    "symmetric_mass",
+    "symmetric_mass", "small_derivatives",
 )  # fmt: skip
 
 
@@ -270,6 +283,21 @@ class ModelPoint:
     def mass_derivatives(self) -> tuple[sp.csr_array, ...]:
         """∂M/∂x_i of every free parameter."""
         return tuple(self._matrix("mass", (i,)) for i in range(self.n_parameters))
+
+    @cached_property
+    def small_derivatives(self) -> tuple[Reals, Reals]:
+        """(k, n, n) ∂K/∂x and ∂M/∂x of a small model as arrays."""
+        k, m = (self.configured.both_triangles.dense(self._all_derivatives(kind)) for kind in _OF_MODES)
+        return k, m
+
+    def _all_derivatives(self, kind: MatrixKind) -> Reals:
+        """(k, nnz) derivatives of a matrix by all free parameters."""
+        self.check_frequency(kind)
+        chosen = [i for i, p in enumerate(self.configured.projected) if p.term.matrix == kind and p.term.coefficient]
+        grads = [c.grad for c in (self.coefficients[i] for i in chosen) if c is not None]
+        if not grads:
+            return np.zeros((self.n_parameters, len(self.configured.indices)))
+        return np.asarray((self.configured.spread(kind) @ np.concatenate(grads)).T)
 
     def stiffness_second_derivative(self, i: int, j: int) -> sp.csr_array:
         """∂²K/∂x_i∂x_j."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -100,7 +100,7 @@ class ParametricModel:
 
         `factors` are the values of the tables over frequency; 1 where none are given.
         """
-        return self._table(self.parameters.jets(x), len(self.parameters.free), factors)
+        return self._once("table", x, factors, lambda: (self.parameters.jets(x), len(self.parameters.free)))
 
     def values(self, x: NDArray, factors: Sequence[float] = ()) -> NDArray[np.float64]:
         """(n,) the value table without derivatives, which take most of the time if there are many parameters."""
@@ -108,8 +108,23 @@ class ParametricModel:
 
     def table_of_values(self, x: NDArray, factors: Sequence[float] = ()) -> TableJet:
         """The same as jets of no variables."""
-        values = self.parameters.values(x)
-        return self._table({n: constant(v, 0) for n, v in values.items()}, 0, factors)
+        return self._once(
+            "values", x, factors, lambda: ({n: constant(v, 0) for n, v in self.parameters.values(x).items()}, 0)
+        )
+
+    @cached_property
+    def _last(self) -> dict[str, tuple[tuple[bytes, tuple[float, ...]], TableJet]]:
+        return {}
+
+    def _once(
+        self, what: str, x: NDArray, factors: Sequence[float], jets: Callable[[], tuple[Mapping[str, Jet], int]]
+    ) -> TableJet:
+        """The table, kept until another point is asked for: all configurations ask for the same one in turn."""
+        key = np.asarray(x).tobytes(), tuple(factors)
+        known = self._last.get(what)
+        if known is None or known[0] != key:
+            known = self._last[what] = key, self._table(*jets(), factors)
+        return known[1]
 
     def _table(self, jets: Mapping[str, Jet], k: int, factors: Sequence[float]) -> TableJet:
         """The value table from the parameters with their derivatives by k variables."""

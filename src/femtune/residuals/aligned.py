@@ -71,6 +71,8 @@ def _rotation(A: Reals, dA: Reals, B: Reals) -> tuple[Reals, Reals]:
     if not len(A):
         c, t, k = A.shape[1], B.shape[1], dA.shape[2]
         return np.eye(c, t), np.zeros((c, t, k))
+    if A.shape[1] == B.shape[1] == 1:
+        return _sign(A, B), np.zeros((1, 1, dA.shape[2]))
     U, dU = _unit_columns(*_coordinates(A, dA, B))
     u, s, vt = la.svd(U, full_matrices=False)
     Q, H = u @ vt, (vt.T * s) @ vt
@@ -83,14 +85,25 @@ def _rotation(A: Reals, dA: Reals, B: Reals) -> tuple[Reals, Reals]:
     return Q, np.einsum("ai,ijk->ajk", Q, spin) + np.einsum("aik,ij->ajk", across, la.inv(H))
 
 
+def _sign(A: Reals, B: Reals) -> Reals:
+    """The same (1, 1) of a single mode, which can only be reversed."""
+    known = ~np.isnan(B[:, 0])
+    product = float(A[known, 0] @ B[known, 0])
+    if product == 0.0:
+        raise _unseen(0)
+    return np.array([[np.sign(product)]])
+
+
 def _unit_columns(X: Reals, dX: Reals) -> tuple[Reals, Reals]:
     length = np.linalg.norm(X, axis=0)
     if not (length > 0.0).all():
-        raise FemtuneError(
-            "residual.unseen-mode", values={"test mode within its group (from 1)": int(np.argmin(length)) + 1}
-        )
+        raise _unseen(int(np.argmin(length)))
     U = X / length
     return U, (dX - U[:, :, None] * np.einsum("ai,aik->ik", U, dX)) / length[None, :, None]
+
+
+def _unseen(mode: int) -> FemtuneError:
+    return FemtuneError("residual.unseen-mode", values={"test mode within its group (from 1)": mode + 1})
 
 
 def _coordinates(A: Reals, dA: Reals, B: Reals) -> tuple[Reals, Reals]:

@@ -2,15 +2,16 @@
 
 The residuals of kind k have the variance σ_k² in units of their stated variances: σ_k is one, or is sampled with the
 prior 1/σ_k (Jeffreys). Where the model has errors of its own, the residuals are r(x) + B q with nuisance factors q on
-what no parameter represents, B = ∂r/∂q, and q normal with an unknown standard deviation s_c in each class c, which has
-a half-Cauchy prior. The factors q are integrated out:
+what no parameter represents, B = ∂r/∂q, and q normal with an unknown standard deviation s_c in each class c. Its
+logarithm is as likely anywhere between two limits, with the soft ends 1/((1 + s²/s₂²)(1 + s₁²/s²)): a model may be
+right but for what nobody would see, or wrong by tens of per cent. The factors q are integrated out:
 
     H = Σ_k B_kᵀB_k/σ_k² + diag(s⁻²),  g = Σ_k B_kᵀr_k/σ_k²,
     log p(r) = −½ (Σ_k (n_k log σ_k² + r_kᵀr_k/σ_k²) + Σ log s² + log|H| − gᵀH⁻¹g) + constant.
 
-Sources: A. Gelman, Prior distributions for variance parameters in hierarchical models, Bayesian Analysis 1, 2006
-(half-Cauchy); M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, J. Royal Stat. Soc. B 63, 2001
-(errors of the model as part of it).
+Sources: H. Jeffreys, An invariant form for the prior probability in estimation problems, Proc. Royal Soc. A 186, 1946
+(sizes); M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, J. Royal Stat. Soc. B 63, 2001 (errors of
+the model as part of it).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lapack
 
 from femtune.arrays import Flags, Integers, Reals
 
@@ -50,12 +52,23 @@ class NuisanceClass:
     ----------
     name : what they are on
     columns : their positions in B
-    scale : of the half-Cauchy prior of the standard deviation, a relative change
+    limits : s₁ and s₂ between which the logarithm of the standard deviation is uniform, relative changes
     """
 
     name: str
     columns: Integers
-    scale: float
+    limits: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class _Factors:
+    """Of residuals of c chains: the most probable factors b (c, m), their covariance (c, m, m), ½ log|I + SBᵀBS|, and
+    standard deviations s (c, m) before the data."""
+
+    b: Reals
+    covariance: Reals
+    half_log_det: Reals
+    s: Reals
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +106,14 @@ class Likelihood:
         return tuple(r[group.rows] for group in self.groups)
 
     def prior(self, theta: Reals) -> tuple[Reals, Reals]:
-        """(c,) log density of θ (c, t), and its gradient (c, t): 1/σ is flat in log σ, s is half-Cauchy."""
+        """(c,) log density of θ (c, t), and its gradient (c, t): both flat in log σ and, within limits, log s."""
         log, slope, first = np.zeros(len(theta)), np.zeros_like(theta), len(self.estimated)
         for j, one in enumerate(self.classes, start=first):
-            ratio = np.exp(2.0 * (theta[:, j] - np.log(one.scale)))
-            log += theta[:, j] + np.log(2.0 / (np.pi * one.scale)) - np.log1p(ratio)
-            slope[:, j] = 1.0 - 2.0 * ratio / (1.0 + ratio)
+            lower, upper = np.log(one.limits)
+            above, below = np.exp(2.0 * (theta[:, j] - upper)), np.exp(2.0 * (lower - theta[:, j]))
+            width = (upper - lower) / -np.expm1(2.0 * (lower - upper))
+            log -= np.log1p(above) + np.log1p(below) + np.log(width)
+            slope[:, j] = 2.0 * below / (1.0 + below) - 2.0 * above / (1.0 + above)
         return log, slope
 
     def of(
@@ -117,54 +132,58 @@ class Likelihood:
         weight = np.exp(-2.0 * log_sigma)
         counts = np.array([group.count for group in self.groups])
         log = -(log_sigma @ counts) - 0.5 * float(counts.sum()) * _LOG_2PI
-        fitted, b, covariance, log_s = self._factors(parts, B, weight, theta)
+        found = self._factors(parts, B, weight, theta)
         slope = np.zeros_like(theta)
         by_parts, squares = [], np.zeros_like(log_sigma)
         for g, (r, of_b) in enumerate(zip(parts, B)):
-            left = r if fitted is None else r - fitted[g]
+            left = r if found is None else r - found.b @ of_b.T
             squares[:, g] = np.sum(left**2, axis=1)
             log -= 0.5 * weight[:, g] * squares[:, g]
             by_parts.append(-weight[:, g, None] * left)
             if g in self.estimated:
                 j = self.estimated.index(g)
                 slope[:, j] = weight[:, g] * squares[:, g] - counts[g]
-                if covariance is not None:
-                    slope[:, j] += weight[:, g] * np.einsum("cij,ij->c", covariance, of_b.T @ of_b)
-        if covariance is None or b is None:
+                if found is not None:
+                    slope[:, j] += weight[:, g] * np.einsum("cij,ij->c", found.covariance, of_b.T @ of_b)
+        if found is None:
             return log, tuple(by_parts), slope
-        _, log_det = np.linalg.slogdet(covariance)
-        log += 0.5 * log_det - np.sum(log_s, axis=1) - 0.5 * np.sum(b**2 * np.exp(-2.0 * log_s), axis=1)
-        own = b**2 + np.einsum("cii->ci", covariance)
+        log -= found.half_log_det + 0.5 * np.sum((found.b / found.s) ** 2, axis=1)
+        own = found.b**2 + np.einsum("cii->ci", found.covariance)
         for j, one in enumerate(self.classes, start=len(self.estimated)):
             inverse = np.exp(-2.0 * theta[:, j])
             slope[:, j] = inverse * own[:, one.columns].sum(axis=1) - len(one.columns)
         return log, tuple(by_parts), slope
 
-    def _factors(
-        self, parts: tuple[Reals, ...], B: tuple[Reals, ...], weight: Reals, theta: Reals
-    ) -> tuple[list[Reals] | None, Reals | None, Reals | None, Reals]:
-        """B b by group with the most probable factors b (c, m), these, their covariance (c, m, m), and log s (c, m)."""
+    def _factors(self, parts: tuple[Reals, ...], B: tuple[Reals, ...], weight: Reals, theta: Reals) -> _Factors | None:
+        """The factors q of residuals; None without errors of the model."""
         m = self.B.shape[1]
-        log_s = np.zeros((len(theta), m))
         if not m:
-            return None, None, None, log_s
+            return None
+        s = np.empty((len(theta), m))
         for j, one in enumerate(self.classes, start=len(self.estimated)):
-            log_s[:, one.columns] = theta[:, j, None]
-        H = np.einsum("cg,gij->cij", weight, np.array([of_b.T @ of_b for of_b in B]))
-        H[:, np.arange(m), np.arange(m)] += np.exp(-2.0 * log_s)
-        g = sum((weight[:, i, None] * (r @ of_b) for i, (r, of_b) in enumerate(zip(parts, B))), np.zeros_like(log_s))
-        covariance = np.linalg.inv(H)
-        b = np.einsum("cij,cj->ci", covariance, g)
-        return [b @ of_b.T for of_b in B], b, covariance, log_s
+            s[:, one.columns] = np.exp(theta[:, j, None])
+        # in units of s, so that neither a tiny s nor a large one costs digits
+        H = np.einsum("cg,gij->cij", weight, np.array([of_b.T @ of_b for of_b in B])) * s[:, :, None] * s[:, None, :]
+        H[:, np.arange(m), np.arange(m)] += 1.0
+        half_log_det = np.empty(len(theta))
+        for c, one_of in enumerate(H):
+            # LAPACK itself: the loop of NumPy over general matrices takes three times as long
+            L, _ = lapack.dpotrf(one_of, lower=1)
+            half_log_det[c] = np.log(L.diagonal()).sum()
+            inverse = lapack.dpotri(L, lower=1)[0]
+            H[c] = inverse + np.tril(inverse, -1).T
+        covariance = H * s[:, :, None] * s[:, None, :]
+        g = sum((weight[:, i, None] * (r @ of_b) for i, (r, of_b) in enumerate(zip(parts, B))), np.zeros_like(s))
+        return _Factors(np.einsum("cij,cj->ci", covariance, g), covariance, half_log_det, s)
 
     def factors(self, r: Reals, theta: Reals) -> Reals:
         """(c, m) most probable nuisance factors of residuals r (c, n) with θ (c, t)."""
         weight = np.ones((len(theta), len(self.groups)))
         weight[:, list(self.estimated)] = np.exp(-2.0 * theta[:, : len(self.estimated)])
         parts = tuple(r[:, group.rows] for group in self.groups)
-        b = self._factors(parts, tuple(self.B[group.rows] for group in self.groups), weight, theta)[1]
+        found = self._factors(parts, tuple(self.B[group.rows] for group in self.groups), weight, theta)
         # r + B q is the error of the data, so that the factors are those of −r
-        return np.zeros((len(theta), 0)) if b is None else -b
+        return np.zeros((len(theta), 0)) if found is None else -found.b
 
     def without_classes(self) -> Likelihood:
         """The same without errors of the model."""

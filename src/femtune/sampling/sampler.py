@@ -230,7 +230,7 @@ class Sampler:
         theta = np.concatenate([
             [0.5 * np.log(max(float(np.mean(self.start.residuals[likelihood.groups[i].rows] ** 2)), 1e-12))
              for i in likelihood.estimated],
-            [np.log(one.scale) for one in likelihood.classes],
+            [0.5 * np.log(np.prod(one.limits)) for one in likelihood.classes],
         ])  # fmt: skip
         weight = np.ones(len(self.start.residuals))
         for j, i in enumerate(likelihood.estimated):

@@ -146,9 +146,9 @@ def rank_candidates(
         size=size,
         comparable=comparable,
         bic=bic,
-        bic_weights=_weights(-0.5 * bic),
+        bic_weights=evidence_weights(-0.5 * bic),
         log_evidence=evidence,
-        probabilities=_weights(evidence),
+        probabilities=evidence_weights(evidence),
         limit=limit,
         admissible=admissible,
         distances=distances,
@@ -161,8 +161,10 @@ def largest_of_right(n: int, probability: float) -> float:
     return float(ndtri(0.5 + 0.5 * probability ** (1.0 / max(n, 1))))
 
 
-def _weights(logarithms: Reals) -> Reals:
-    """exp of them, of sum 1; NaN stays."""
+def evidence_weights(logarithms: Reals) -> Reals:
+    """exp of logarithms (m,), of sum 1; NaN stays."""
+    if np.isnan(logarithms).all():
+        return logarithms
     parts = np.exp(logarithms - np.nanmax(logarithms))
     return np.asarray(parts / np.nansum(parts))
 

@@ -72,6 +72,10 @@ class CandidatesTable(TomlTable):
     residual. Example: `1.1`"""
     probability: Fraction = 0.95
     """Probability with which a right model has no residual above the default of `threshold`. Example: `0.99`"""
+    evidence: Literal["linear", "sampled"] = "linear"
+    """Evidence of each candidate: of residuals that are linear near the optimum, or sampled as the
+    [posterior](guide/posterior.md) is, with `draws`, `gradients` and `seed` of `[posterior]`; candidates whose linear
+    evidence is off by more than 1 are named. Example: `"sampled"`"""
     instances: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     """Number of [instances](guide/candidates.md#instances) of each candidate, drawn within the bounds, of which those
     with a residual above the limit are falsified; the others predict frequencies; 0: none. Example: `1000`"""

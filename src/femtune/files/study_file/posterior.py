@@ -17,9 +17,10 @@ class PosteriorTable(TomlTable):
     """Size of the errors of the data: one unknown factor on the stated standard deviations for each kind of residual
     (`"by-kind"`), one for all residuals (`"common"`), or as `"stated"`. Kinds with fewer than three degrees of freedom
     are as stated. Example: `"stated"`"""
-    discrepancy: Discrepancy = "none"
-    """Errors of the model in the intervals: none, or unknown changes of all stiffnesses, masses and supports that no
-    parameter represents (`"properties"`), whose sizes the data choose. Example: `"properties"`"""
+    discrepancy: Discrepancy = "properties"
+    """Errors of the model in the intervals: unknown changes of all stiffnesses, masses and supports that no parameter
+    represents (`"properties"`), whose sizes the data choose; or `"none"`. Both widths are in the results. Example:
+    `"none"`"""
     draws: Annotated[int, Field(ge=100, le=100_000)] = 1000
     """Number of weighted samples, each a solution of the model. Example: `2000`"""
     gradients: Annotated[int, Field(ge=20, le=10_000)] = 150

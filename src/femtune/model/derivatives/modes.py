@@ -21,6 +21,7 @@ from femtune.model.configured import ModelPoint
 from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.solvers.interface import Factor
+from femtune.model.solvers.small import DENSE_UP_TO as SMALL_UP_TO
 
 _TOLERANCE = 1e-13
 """Residual in energy, relative to the force, at which the conjugate gradients stop."""
@@ -82,6 +83,10 @@ def exact_derivative(
     All parameters are solved for at once. Arguments and errors as of `subspace_derivative`.
     """
     members = list(members)
+    if len(members) == 1 and members[0] < solution.wanted and len(solution.shapes) <= SMALL_UP_TO:
+        if solution not in _SINGLE:
+            _SINGLE[solution] = _SingleModes(solution)
+        return _SINGLE[solution].of(members[0], rows)
     phi = solution.shapes[:, members]
     forces, k, m = _forces(solution, members)
     outside = _outside(solution, members, forces)
@@ -89,6 +94,44 @@ def exact_derivative(
     observe = rows if rows is not None else sp.eye_array(n, format="csr")
     seen = (observe @ outside.reshape(n, c * p)).reshape(observe.shape[0], c, p)
     return SubspaceDerivative(solution.eigenvalues[members], k, m, seen, observe @ phi, 0.0)
+
+
+class _SingleModes:
+    """Derivatives of all wanted modes of a small model as single modes: one by one, calls would take most of the time.
+
+    Parameters
+    ----------
+    solution : of no more than `SMALL_UP_TO` free DOFs
+    """
+
+    def __init__(self, solution: EigenSolution) -> None:
+        # without the solution itself, which owns what is kept here
+        count, point = solution.wanted, solution.point
+        values, phi = solution.eigenvalues[:count], solution.shapes[:, :count]
+        k, m = (stack @ phi for stack in point.small_derivatives)
+        self._stiffness, self._mass = (np.einsum("nc,knc->ck", phi, one) for one in (k, m))
+        forces = np.moveaxis(k - m * values, 0, -1).reshape(len(phi), -1)
+        acts = np.flatnonzero(forces.any(axis=0))
+        mode = acts // max(point.n_parameters, 1)
+        gaps = inverse_gaps(solution, [[j] for j in range(count)])
+        self._outside = np.zeros_like(forces)
+        self._outside[:, acts] = outside(solution, values[mode], gaps[:, mode], forces[:, acts])
+        self._values, self._phi, self._k = values, phi, point.n_parameters
+        self._seen: tuple[sp.csr_array | None, Reals, Reals] = (None, self._outside, phi)
+
+    def of(self, mode: int, rows: sp.csr_array | None) -> SubspaceDerivative:
+        """Of one of them, at some rows."""
+        if rows is not self._seen[0]:
+            at = (self._outside, self._phi) if rows is None else (rows @ self._outside, rows @ self._phi)
+            self._seen = (rows, *at)
+        _, seen, shapes = self._seen
+        by_mode = seen.reshape(len(seen), len(self._values), self._k)
+        k, m = (one[mode][:, None, None] for one in (self._stiffness, self._mass))
+        column = slice(mode, mode + 1)
+        return SubspaceDerivative(self._values[column], k, m, by_mode[:, column], shapes[:, column], 0.0)
+
+
+_SINGLE: WeakKeyDictionary[EigenSolution, _SingleModes] = WeakKeyDictionary()
 
 
 def _forces(solution: EigenSolution, members: list[int]) -> tuple[NDArray, NDArray, NDArray]:

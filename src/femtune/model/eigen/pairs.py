@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
+from scipy.linalg import lapack
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
@@ -27,11 +28,13 @@ _POLLUTED = 1e-7
 
 def dense(pencil: Pencil, shift: float, count: int) -> Pairs:
     """By the inverse: eigenvalues θ = 1/(λ − σ) of L⁻¹ML⁻ᵀ; M may be singular."""
-    L = la.cholesky(pencil.shifted(shift).full().toarray(), lower=True)
-    half = la.solve_triangular(L, pencil.M.full().toarray(), lower=True)
-    inverse = la.solve_triangular(L, half.T, lower=True)
-    theta, y = finite(*largest(0.5 * (inverse + inverse.T), count))
-    shapes = la.solve_triangular(L, y, lower=True, trans="T") / np.sqrt(theta)
+    # without the checks of SciPy's own functions, which take longer than the work on a small model
+    L, failed = lapack.dpotrf(pencil.shifted(shift).dense().T, lower=1)
+    if failed:
+        raise la.LinAlgError(f"the leading minor of order {failed} is not positive")
+    inverse, _ = lapack.dsygst(pencil.M.dense().T, L, itype=1, lower=1)
+    theta, y = finite(*largest(inverse, count))
+    shapes = lapack.dtrtrs(L, y, lower=1, trans=1)[0] / np.sqrt(theta)
     return _polished(pencil, shift, theta, shapes)
 
 
@@ -48,7 +51,7 @@ def condensed(inverse: Inverse, count: int) -> Pairs:
 
 
 def largest(matrix: Reals, count: int) -> Pairs:
-    """At most `count` largest eigenvalues of a symmetric matrix, ascending, and their vectors."""
+    """At most `count` largest eigenvalues, ascending, and their vectors; of the matrix the lower part is read."""
     n = len(matrix)
     first = max(0, n - count)
     try:
@@ -105,11 +108,13 @@ class EigenSearch:
     inverse : (K − σM)⁻¹ for a σ below the spectrum
     start : (n, c) shapes that are nearly those wanted
     basis : a basis that was begun with this factor
+    solved : the lowest pairs, where they are known
     """
 
     inverse: Inverse
     start: Reals | None = None
     basis: KrylovBasis | None = None
+    solved: Pairs | None = None
 
     @property
     def pencil(self) -> Pencil:
@@ -133,7 +138,9 @@ def lowest(search: EigenSearch, count: int, wanted: int, known: Pairs | None = N
     FemtuneError : ``eigen.inaccurate`` where one of the wanted is not, ``eigen.no-convergence``, ``eigen.negative``
     """
     try:
-        if search.pencil.n <= DENSE_UP_TO:
+        if search.solved is not None:
+            values, shapes = search.solved
+        elif search.pencil.n <= DENSE_UP_TO:
             values, shapes = dense(search.pencil, search.shift, count)
         elif is_iterative(search.pencil, count):
             values, shapes = iterative(search, count, wanted, known)
@@ -151,6 +158,14 @@ def lowest(search: EigenSearch, count: int, wanted: int, known: Pairs | None = N
     if accurate < min(wanted, len(values)):
         raise _inaccurate(accurate, float(values[accurate]), float(error[accurate]))
     return values, shapes, accurate
+
+
+def solved_densely(inverse: Inverse, count: int) -> EigenSearch:
+    """A small eigenproblem that is solved for its `count` lowest pairs (error ``eigen.inaccurate``)."""
+    try:
+        return EigenSearch(inverse, solved=dense(inverse.pencil, inverse.shift, count))
+    except la.LinAlgError as broken:
+        raise _indefinite() from broken
 
 
 def method_of(search: EigenSearch, count: int) -> str:

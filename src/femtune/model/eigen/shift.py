@@ -10,10 +10,11 @@ from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.krylov import KrylovBasis, begin
 from femtune.model.eigen.mass_space import MassSpace
-from femtune.model.eigen.pairs import EigenSearch
+from femtune.model.eigen.pairs import EigenSearch, solved_densely
 from femtune.model.eigen.pencil import Inverse, Pencil
 from femtune.model.mechanisms import check_mechanisms
 from femtune.model.solvers.interface import Factor, SingularMatrixError
+from femtune.model.solvers.small import DENSE_UP_TO as SMALL_UP_TO
 
 _LOWEST_OF_SINGLE = 1e-4
 """Lowest elastic eigenvalue relative to k_ii/m_ii of the softest DOF, for a mesh of a thousand DOFs."""
@@ -40,6 +41,8 @@ _STILL_FALLING = 0.7
 _NEARER = 1e-2
 """A lowest estimate between the first, as a part of the shift, and the second, as a part of the estimate before, has
 not converged, because all modes look alike from so far away: the third is the factor of the next shift."""
+_LOST = 1e8
+"""Largest θ = 1/(λ − σ) over the smallest one that has half of its digits."""
 _ELASTIC_PART = 1e-3
 """Estimates below this part of the shift may be rigid-body modes that rounding lifts from zero."""
 
@@ -55,6 +58,8 @@ def spectral_shift(point: ModelPoint, pencil: Pencil, count: int) -> EigenSearch
     FemtuneError : ``eigen.mechanism``, ``eigen.negative``
     """
     size = first_guess(pencil)
+    if pencil.n <= SMALL_UP_TO:
+        return _small_search(point, pencil, count, size)
     for _ in range(_MOST_TRIALS):
         size, factor = _factor_below(point, pencil, size)
         inverse = Inverse(pencil, -size, factor)
@@ -65,6 +70,25 @@ def spectral_shift(point: ModelPoint, pencil: Pencil, count: int) -> EigenSearch
         del basis, inverse, factor
     size, factor = _factor_below(point, pencil, size)
     return EigenSearch(Inverse(pencil, -size, factor), start)
+
+
+def _small_search(point: ModelPoint, pencil: Pencil, count: int, size: float) -> EigenSearch:
+    """The same by the modes themselves, which take no longer than the first steps of an iteration."""
+    count = min(count, pencil.heavy.size)
+    for _ in range(_MOST_TRIALS):
+        size, factor = _factor_below(point, pencil, size)
+        search = solved_densely(Inverse(pencil, -size, factor), count)
+        assert search.solved is not None
+        values = search.solved[0]
+        # far above the lowest nothing tells where these are
+        better = _size_for(values[values + size < _LOST * (values.min() + size)], size)
+        if better == size and len(values) < count and not (values > _ELASTIC_PART * size).any():
+            # those of the rigid-body motions are so far above the rest that this is lost in rounding
+            better = _FARTHER * size
+        if better == size:
+            break
+        size = better
+    return search
 
 
 def near_shift(point: ModelPoint, pencil: Pencil, known: Reals, shift: float, start: Reals) -> EigenSearch:
@@ -132,11 +156,16 @@ def _better_size(inverse: Inverse, count: int) -> tuple[float, KrylovBasis]:
     if not (values > _ELASTIC_PART * size).any() and basis.k < operator.rank:
         # θ of the rigid-body motions is so far above the rest that the start contains nothing else
         return _FARTHER * size, basis
+    return _size_for(values, size), basis
+
+
+def _size_for(values: Reals, size: float) -> float:
+    """The size again if it suits the lowest eigenvalues, or a better one."""
     positive = values[values > _RIGID * values.max(initial=0.0)]
     # far below the shift a rigid-body mode looks elastic by rounding, or because the iteration has not converged to it
     elastic = positive[positive > _ELASTIC_PART * size] if (positive > _ELASTIC_PART * size).any() else positive
     lowest = float(elastic.min()) if elastic.size else size
-    return (size if _NEAREST_USABLE < size / lowest < _FARTHEST_USABLE else _BEST * lowest), basis
+    return size if _NEAREST_USABLE < size / lowest < _FARTHEST_USABLE else _BEST * lowest
 
 
 def _step(basis: KrylovBasis, size: float) -> Reals:
@@ -145,4 +174,4 @@ def _step(basis: KrylovBasis, size: float) -> Reals:
         return np.zeros(0)
     basis.step()
     theta = la.eigvalsh(basis.T)
-    return np.asarray(1.0 / theta[theta > 1e-8 * theta[-1]][::-1] - size)
+    return np.asarray(1.0 / theta[theta * _LOST > theta[-1]][::-1] - size)

@@ -204,7 +204,7 @@ def _proven(point: ModelPoint, search: EigenSearch, wanted: int, limit: Count | 
     while True:
         asked = min(wanted + extra, possible)
         values, shapes, accurate = lowest(search, asked, wanted, known)
-        search = replace(search, start=None, basis=None)
+        search = replace(search, start=None, basis=None, solved=None)
         whole = with_repeats(values, min(wanted, accurate), search.shift)
         complete = asked == possible or len(values) < asked
         cut, count = _counted(search, values, (whole, accurate), complete, limit)

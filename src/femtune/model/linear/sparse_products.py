@@ -55,7 +55,7 @@ def product(matrix: SymmetricMatrix, block: int = 0) -> Product:
     """
     n = matrix.shape[0]
     if n <= DENSE_UP_TO:
-        array = matrix.full().toarray()
+        array = matrix.dense()
         return Product(matrix.shape, lambda x: column_major(np.asarray(array @ x)))
     lean = without_zeros(matrix)
     if lean.nnz <= _NEARLY_DIAGONAL * n:

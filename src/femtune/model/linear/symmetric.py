@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.sparse as sp
@@ -65,6 +65,10 @@ class SymmetricMatrix:
         """Both triangles."""
         return BothTriangles.of(self.indptr, self.indices).matrix(self.data)
 
+    def dense(self) -> NDArray:
+        """(n, n) array of a small matrix."""
+        return BothTriangles.of(self.indptr, self.indices).dense(self.data)
+
 
 @dataclass(frozen=True, eq=False)
 class BothTriangles:
@@ -94,6 +98,19 @@ class BothTriangles:
         """The whole matrix from the numbers of its upper triangle."""
         n = len(self.indptr) - 1
         return sp.csr_array((data[self.source], self.indices, self.indptr), shape=(n, n))
+
+    def dense(self, data: NDArray) -> NDArray:
+        """(…, n, n) arrays from numbers (…, nnz) of upper triangles, of a small matrix."""
+        n = len(self.indptr) - 1
+        out = np.zeros((*data.shape[:-1], n * n), data.dtype)
+        out[..., self._places] = data[..., self.source]
+        return out.reshape(*data.shape[:-1], n, n)
+
+    @cached_property
+    def _places(self) -> NDArray[np.int64]:
+        """(entries,) of the whole matrix in an array."""
+        n = len(self.indptr) - 1
+        return np.repeat(np.arange(n, dtype=np.int64) * n, np.diff(self.indptr)) + self.indices
 
 
 @lru_cache(maxsize=16)

@@ -124,8 +124,12 @@ class LiveModel:
         upper[self._triangle] = np.array(values) @ self._packed[kind] if values else 0.0
         return upper + upper.T - np.diag(np.diag(upper))
 
-    def modes(self, x: NDArray) -> LiveModes:
+    def modes(self, x: NDArray, added: Reals | None = None) -> LiveModes:
         """The lowest modes, as the page computes them.
+
+        Parameters
+        ----------
+        added : (d, q) rows that see the motion of an added mass, each times the root of the mass; none without it
 
         Raises
         ------
@@ -133,6 +137,8 @@ class LiveModel:
         """
         size = mass_sizes(self.theta)
         moved = self._deviation("mass", x) * np.outer(size, size)
+        if added is not None:
+            moved = moved + added.T @ added
         A = np.eye(self.order) + self._deviation("stiffness", x) - self.shift * moved
         M = np.diag(self.theta) + moved
         count = min(self.count, self.order)

@@ -19,6 +19,7 @@ from femtune.model.solvers.interface import Analysis, Factor, SingularMatrixErro
 from femtune.model.solvers.mumps import MumpsAnalysis
 from femtune.model.solvers.pardiso import PardisoAnalysis
 from femtune.model.solvers.rslab import RslabAnalysis
+from femtune.model.solvers.small import DENSE_UP_TO, DenseAnalysis
 from femtune.model.solvers.superlu import SuperLuAnalysis
 
 __all__ = ["Analysis", "Factor", "SingularMatrixError", "analyse", "available_solvers", "factorise", "solver_asked"]
@@ -28,6 +29,7 @@ PARDISO_FROM = 3000
 PARDISO_FROM_COMPLEX = 300
 """The same for a complex matrix: SuperLU's complex kernels are much slower if their threads wait for one another."""
 
+_DENSE = DenseAnalysis.name
 SOLVER_VARIABLE = "FEMTUNE_SOLVER"
 KEPT_ANALYSES: OrderedDict[tuple[str, bool, bytes], tuple[Analysis, int]] = OrderedDict()
 _MOST_KEPT = 8
@@ -60,6 +62,8 @@ def analyse(matrix: SymmetricMatrix, solver: str | None = None) -> Analysis:
     Only indices and the type of the numbers are read. `solver` and errors as in `factorise`.
     """
     name = _chosen(matrix, solver)
+    if name == _DENSE:
+        return DenseAnalysis()
     key = (name, bool(np.iscomplexobj(matrix.data)), _digest(matrix))
     if key not in KEPT_ANALYSES:
         KEPT_ANALYSES[key] = _ANALYSES[name](matrix), len(matrix.indices)
@@ -97,7 +101,7 @@ def _chosen(matrix: SymmetricMatrix, solver: str | None) -> str:
         return _indefinite() if imaginary and name == "CHOLMOD" else name
     least = PARDISO_FROM_COMPLEX if imaginary else PARDISO_FROM
     if matrix.shape[0] < least:
-        return "SuperLU"
+        return "SuperLU" if imaginary or matrix.shape[0] > DENSE_UP_TO else _DENSE
     return _indefinite() if imaginary else available_solvers()[0]
 
 

@@ -78,6 +78,17 @@ class InstanceResults(Record):
     parameters that move, and frequencies in Hz in the order of `predictions`."""
 
 
+class LeftOutEvidence(Record):
+    """What the samples of a candidate predict of a configuration that is left out."""
+
+    configuration: str
+    """Name of the configuration."""
+    log_density: float
+    """Logarithm of the density of its residuals, given those of the others."""
+    k_hat: float | None
+    """Shape of the tail of the weights; below 0.7 the density can be trusted. None with too few samples."""
+
+
 class CandidateResults(Record):
     """One candidate model at its optimum."""
 
@@ -134,6 +145,16 @@ class CandidateResults(Record):
     """Logarithm of the evidence, with residuals linear near the optimum; only differences count."""
     probability: float | None = None
     """Probability by the evidence, if all candidates are equally probable beforehand, 0 to 1."""
+    sampled_log_evidence: float | None = None
+    """Logarithm of the sampled evidence, where it was asked for."""
+    sampled_log_evidence_sd: float | None = None
+    """Standard deviation of this logarithm."""
+    sampled_probability: float | None = None
+    """Probability by the sampled evidence, if all candidates are equally probable beforehand, 0 to 1."""
+    not_sampled: str = ""
+    """Why there is no sampled evidence although it was asked for."""
+    left_out_evidence: tuple[LeftOutEvidence, ...] = ()
+    """Each configuration left out, by the samples."""
     admissible: bool = False
     """True if no residual exceeds the limit, or the mean error is within the threshold."""
     cluster: int | None = None

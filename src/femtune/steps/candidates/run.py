@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,17 +13,19 @@ import numpy as np
 from femtune._optional import require
 from femtune.errors import FemtuneError
 from femtune.executor import Serial, finish
-from femtune.files.study_file import CandidatesTable
+from femtune.files.study_file import CandidatesTable, PosteriorTable
 from femtune.files.study_file.candidates import NO_SEARCH, NOMINAL
 from femtune.global_search import SearchRules, global_minimum
 from femtune.journal.finished import FinishedRuns
 from femtune.journal.run_files import CANDIDATES_FILE
 from femtune.model import digest
 from femtune.model.full_model import direct
+from femtune.sampling import LARGEST_K, SamplingRules
 from femtune.selection import identifiability
 from femtune.selection.candidate_models import (
     CandidateFit,
     Group,
+    evidence_weights,
     largest_of_right,
     rank_candidates,
     subset_count,
@@ -40,8 +42,10 @@ from femtune.steps.candidates.record import (
     CandidatesResults,
     CandidateValue,
     InstanceResults,
+    LeftOutEvidence,
     LeftOutPrediction,
 )
+from femtune.steps.posterior.evidence import evidence_at, sampled_evidence
 from femtune.steps.run_folder import unwritable
 from femtune.steps.select.record.identifiability import CombinationRecord
 from femtune.steps.update.external import least_squares_on_solver, moved_to, opened_solver
@@ -62,6 +66,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file import StudyFile
     from femtune.parameters import ParameterSet
     from femtune.residuals import Evaluation, UpdateProblem
+    from femtune.residuals.kinds import Scatter
     from femtune.selection.candidate_models import CandidateRanking
     from femtune.study.external import SolverRuns
     from femtune.study.progress import Progress
@@ -95,6 +100,8 @@ class _Task:
     problem: int
     left_out: int | None = None
     start: int = 0
+    optimum: tuple[float, ...] | None = None
+    """Where the evidence is sampled."""
 
 
 Found = dict[str, Any]
@@ -111,6 +118,7 @@ class _Fitting:
     free : free parameters of the study, by which candidates are compared
     probability : with which a right model has no larger residual than the limit
     search : from whose random populations the starts come; None: from the initial values and a Latin hypercube
+    sampling : effort for a sampled evidence; None: none
     """
 
     problems: tuple[UpdateProblem, ...]
@@ -119,6 +127,7 @@ class _Fitting:
     free: ParameterSet
     probability: float
     search: SearchRules | None = None
+    sampling: SamplingRules | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "problems": tuple(problem.to_send() for problem in self.problems)}
@@ -127,6 +136,8 @@ class _Fitting:
         try:
             if task.left_out is not None:
                 return self._predicted(task, task.left_out)
+            if task.optimum is not None:
+                return self._sampled(task, np.array(task.optimum))
             if not task.candidate.parameters:
                 problem = self.problems[task.problem]
                 at = problem.start(np.zeros(len(problem.parameters.free)))
@@ -209,6 +220,16 @@ class _Fitting:
             "worst": float(abs(r[worst])), "worst_label": labels[worst],
             "undetermined": [combination_record(known, c).model_dump(mode="json") for c in known.undetermined],
         }  # fmt: skip
+
+    def _sampled(self, task: _Task, optimum: Reals) -> Found:
+        """The sampled evidence about an optimum, and the configurations left out by the samples."""
+        problem = self.problems[task.problem]
+        at = problem.start(optimum)
+        if not task.candidate.parameters:
+            return {"log_evidence": evidence_at(at, problem.scatter), "sd": 0.0, "left_out": []}
+        result = self._updated(task.problem, None, at, task.candidate.parameters)[1]
+        assert self.sampling is not None
+        return asdict(sampled_evidence(problem, result, self.sampling))
 
     def _predicted(self, task: _Task, left_out: int) -> Found:
         """Sum of squares of the residuals of a configuration, and of their weights, from an update without it.
@@ -369,17 +390,27 @@ def compare_candidates(
                 raise FemtuneError("candidates.name", name=candidate.name)
         if not study.file.candidate and not groups:
             raise FemtuneError("candidates.none")
-        if table.search != NO_SEARCH and study.source.needs_runs:
-            raise FemtuneError("external.study/update", key="search")
-        if table.instances and study.source.needs_runs:
-            raise FemtuneError("external.study/update", key="instances")
-        if table.search == "cma-es":
-            # before the first run: what a run misses would be kept as its result
-            require("cma", extra="search")
+        _check_asked(study, table)
     # the journal of solutions would keep thousands of them that nobody asks for again
     with opened_solver(study, progress) as solver:
         work = _Comparison(solved_by(study, direct), table, folder, progress, solver)
         return _compared(work, groups, resume, arrays)
+
+
+def _check_asked(study: Study, table: CandidatesTable) -> None:
+    """Refuse what needs thousands of solutions of another program, and what is not there."""
+    if table.search != NO_SEARCH and study.source.needs_runs:
+        raise FemtuneError("external.study/update", key="search")
+    if table.instances and study.source.needs_runs:
+        raise FemtuneError("external.study/update", key="instances")
+    if table.evidence == "sampled":
+        if study.source.needs_runs:
+            raise FemtuneError("external.study/update", key="evidence")
+        if study.file.specimens:
+            raise FemtuneError("posterior.specimens")
+    if table.search == "cma-es":
+        # before the first run: what a run misses would be kept as its result
+        require("cma", extra="search")
 
 
 def _compared(work: _Comparison, groups: Sequence[Group], resume: bool, arrays: dict[str, Reals]) -> CandidatesResults:
@@ -393,7 +424,8 @@ def _compared(work: _Comparison, groups: Sequence[Group], resume: bool, arrays: 
     # without its tests a specimen keeps the initial values of its own parameters, so that nothing is predicted
     wanted = table.leave_one_out and study.specimens is None
     predicted = work.predicted(candidates, fits) if wanted else [{} for _ in candidates]
-    found = _results(study, table, candidates, fits, predicted, arrays)
+    sampled = work.sampled(candidates, fits)
+    found = _results(study, table, candidates, fits, predicted, sampled, arrays)
     return _with_instances(work, candidates, fits, found, arrays) if table.instances else found
 
 
@@ -490,6 +522,25 @@ class _Comparison:
             return None
         return SearchRules(table.search, table.population, table.generations)
 
+    @property
+    def _sampling(self) -> SamplingRules | None:
+        """Effort for a sampled evidence."""
+        if self.table.evidence != "sampled":
+            return None
+        table = self.study.file.posterior or PosteriorTable()
+        return SamplingRules(table.draws, table.seed, table.gradients)
+
+    def sampled(self, candidates: Sequence[ParameterChoice], fits: Sequence[Found]) -> list[Found]:
+        """The sampled evidence of every solved candidate; empty without one."""
+        wanted = self._sampling is not None
+        asked = [i for i, f in enumerate(fits) if wanted and "problem" not in f]
+        optima: list[tuple[float, ...]] = [
+            tuple(fits[i].get("end", np.zeros(len(self._study(candidates[i]).parameters.free)).tolist())) for i in asked
+        ]
+        ends = self._done(candidates, [(i, None, 0, x) for i, x in zip(asked, optima)], "evidence of candidate models")
+        by_number = dict(zip(asked, ends))
+        return [by_number.get(i, {}) for i in range(len(candidates))]
+
     def fitted(self, candidates: Sequence[ParameterChoice]) -> list[Found]:
         """What every candidate reaches with all configurations."""
         counts = [self.table.starts if c.parameters else 1 for c in candidates]
@@ -517,9 +568,15 @@ class _Comparison:
         self, candidates: Sequence[ParameterChoice], asked: Sequence[tuple[int, int | None, int]], what: str
     ) -> list[Found]:
         """The runs of candidates by position, without the configuration at the second position, by start."""
+        return self._done(candidates, [(*one, None) for one in asked], what)
+
+    def _done(
+        self, candidates: Sequence[ParameterChoice],
+        asked: Sequence[tuple[int, int | None, int, tuple[float, ...] | None]], what: str,
+    ) -> list[Found]:  # fmt: skip
         studies = (self.study, *(self._study(c) for c in candidates if c.ties))
         at = dict(zip((i for i, c in enumerate(candidates) if c.ties), range(1, len(studies))))
-        tasks = [_Task(candidates[i], at.get(i, 0), left_out, start) for i, left_out, start in asked]
+        tasks = [_Task(candidates[i], at.get(i, 0), left_out, start, x) for i, left_out, start, x in asked]
         keys = [_key(task) for task in tasks]
         work, executor = self._work(studies), executor_of(self.study) if self.solver is None else Serial()
         done = sum(key in self.known for key in keys)
@@ -543,6 +600,7 @@ class _Comparison:
         facts = (
             tuple(s.problem() for s in studies), tuple(method_of(s.file.update, s.parameters) for s in studies),
             StartRules(self.table.starts, self.table.seed), self.study.parameters, self.table.probability, self._search,
+            self._sampling,
         )  # fmt: skip
         return _Fitting(*facts) if self.solver is None else _SolverFitting(*facts, studies, self.solver)
 
@@ -556,7 +614,9 @@ class _Comparison:
 
 
 def _key(task: _Task) -> str:
-    facts = (sorted(task.candidate.parameters), sorted(task.candidate.ties.items()), task.left_out, task.start)
+    facts = (
+        sorted(task.candidate.parameters), sorted(task.candidate.ties.items()), task.left_out, task.start, task.optimum
+    )  # fmt: skip
     return digest(*map(repr, facts))
 
 
@@ -600,6 +660,7 @@ def _results(
     candidates: Sequence[ParameterChoice],
     calibrations: Sequence[Found],
     predicted: Sequence[Mapping[int, Found]],
+    sampled: Sequence[Found],
     arrays: dict[str, Reals],
 ) -> CandidatesResults:
     solved = [i for i, f in enumerate(calibrations) if "problem" not in f]
@@ -611,13 +672,20 @@ def _results(
         probability=table.probability, cluster_distance=table.cluster_distance,
     )  # fmt: skip
     names = [case.name for case in study.problem().cases]
+    logs = np.array([sampled[i].get("log_evidence", np.nan) for i in solved])
+    by_sample = evidence_weights(np.where(ranking.comparable, logs, np.nan))
     records = []
     for i, (candidate, f, out) in enumerate(zip(candidates, calibrations, predicted, strict=True)):
         record = _record(study, candidate, f, table.starts)
         if i in solved:
             least = min(map(_least_of, inner[solved.index(i)]))
             record = record.model_copy(
-                update={"least_worst_residual": least, **_left_out(names, out), **_criteria(ranking, solved.index(i))}
+                update={
+                    "least_worst_residual": least,
+                    **_left_out(names, out),
+                    **_criteria(ranking, solved.index(i)),
+                    **_of_samples(sampled[i], float(by_sample[solved.index(i)])),
+                }
             )
         records.append(record)
     arrays["candidates/distances"] = ranking.distances
@@ -635,6 +703,16 @@ def _results(
     )
 
 
+def _of_samples(sampled: Found, probability: float) -> dict[str, Any]:
+    if "log_evidence" not in sampled:
+        return {"not_sampled": sampled.get("problem", "")}
+    return {
+        "sampled_log_evidence": sampled["log_evidence"], "sampled_log_evidence_sd": sampled["sd"],
+        "sampled_probability": probability if np.isfinite(probability) else None,
+        "left_out_evidence": tuple(LeftOutEvidence(**one) for one in sampled["left_out"]),
+    }  # fmt: skip
+
+
 def _contains(one: ParameterChoice, other: ParameterChoice) -> bool:
     """Whether every model of the other candidate is one of the first, which has the same ties and all parameters."""
     return set(other.parameters) <= set(one.parameters) and dict(other.ties) == dict(one.ties)
@@ -649,9 +727,9 @@ def _fit(calibration: Found, parameters: ParameterSet, within: Sequence[Found]) 
     """`within` are the candidate and those that it contains: what one of them reaches, the candidate reaches too."""
     place = np.array([calibration["values"][p.name] / p.scale for p in parameters.free])
     moving = len(calibration["slope"])
-    parts = [np.array(calibration[key], float) for key in ("slope", "lower", "upper", "prior_mean")]
+    slope, lower, upper, mean = (np.array(calibration[key], float) for key in ("slope", "lower", "upper", "prior_mean"))
     sd = np.array([np.inf if s is None else s for s in calibration["prior_sd"]], float)
-    linear = LinearFit(np.array(calibration["curvature"], float).reshape(moving, moving), *parts, sd)
+    linear = LinearFit(np.array(calibration["curvature"], float).reshape(moving, moving), slope, lower, upper, mean, sd)
     return CandidateFit(
         calibration["chi2"], calibration["residuals"], calibration["rank"], linear,
         place, min(map(_least_of, within)), min(f["error"] for f in within),
@@ -733,6 +811,27 @@ def _sentences(records: Sequence[CandidateResults]) -> Iterator[str]:
         f"BIC prefers {by_bic.name} (weight {by_bic.bic_weight:.2g}), the evidence {by_evidence.name} "
         f"(probability {by_evidence.probability:.2g})."
     )
+    sampled = [c for c in ranked if c.sampled_probability is not None]
+    if sampled:
+        first = max(sampled, key=lambda c: c.sampled_log_evidence or 0.0)
+        yield (
+            f"The sampled evidence prefers {first.name} (probability {first.sampled_probability:.2g}, ln Z = "
+            f"{first.sampled_log_evidence:.2f} ± {first.sampled_log_evidence_sd:.2f})."
+        )
+    whole = [c for c in sampled if c.left_out_evidence]
+    sure = [c for c in whole if all(one.k_hat is not None and one.k_hat <= LARGEST_K for one in c.left_out_evidence)]
+    if sure:
+        best = max(sure, key=_predicted_density)
+        yield (
+            f"Given the other configurations, the samples of {best.name} predict each one best: the sum of the log "
+            f"densities is {_predicted_density(best):.1f}."
+        )
+    unsure = [c.name for c in whole if c not in sure]
+    if unsure:
+        yield (
+            f"The samples of {listed(unsure)} do not tell how well a configuration is predicted that is left out (k̂ "
+            f"above {LARGEST_K}): each one moves the parameters too far."
+        )
     tested = [c for c in solved if c.prediction_percent is not None]
     if tested:
         best = min(tested, key=lambda c: c.prediction_percent or 0.0)
@@ -754,6 +853,34 @@ def _sentences(records: Sequence[CandidateResults]) -> Iterator[str]:
         yield f"The data leave combinations of parameters undetermined in {listed(vague)}."
 
 
+def _predicted_density(candidate: CandidateResults) -> float:
+    return sum(one.log_density for one in candidate.left_out_evidence)
+
+
+_DOUBTFUL = 1.0
+"""Error of the logarithm of the evidence of linear residuals that is told: a factor of 2.7."""
+
+
+def _linear_alerts(records: Sequence[CandidateResults], scatter: Scatter) -> Iterator[Alert]:
+    """Candidates whose linear evidence differs from the sampled one, beside that of the best; and those without one."""
+    both = [c for c in records if c.sampled_probability is not None and c.log_evidence is not None]
+    # with estimated scatter the linear evidence takes one size of the errors for all, the samples each their own
+    if both and scatter == "stated":
+        best = max(both, key=lambda c: c.sampled_log_evidence or 0.0)
+
+        def off(c: CandidateResults) -> float:
+            of_samples = (c.sampled_log_evidence or 0.0) - (best.sampled_log_evidence or 0.0)
+            return (c.log_evidence or 0.0) - (best.log_evidence or 0.0) - of_samples
+
+        wrong = {c.name: off(c) for c in both if abs(off(c)) > _DOUBTFUL}
+        if wrong:
+            errors = listed([f"{name} ({error:+.1f})" for name, error in wrong.items()])
+            yield alert("warning", "candidates.linear-evidence", best=best.name, errors=errors)
+    for c in records:
+        if c.not_sampled:
+            yield alert("warning", "candidates.not-sampled", name=c.name, reason=c.not_sampled)
+
+
 def _alerts(study: Study, records: Sequence[CandidateResults]) -> Iterator[Alert]:
     solved = [c for c in records if not c.problem]
     for c in records:
@@ -768,5 +895,6 @@ def _alerts(study: Study, records: Sequence[CandidateResults]) -> Iterator[Alert
     worst = sorted({c.name for c in solved if any(v.at_bound for v in c.values)})
     if worst:
         yield alert("warning", "candidates.at-bound", names=listed(worst))
+    yield from _linear_alerts(records, study.file.residuals.scatter)
     if study.file.reduction is not None:
         yield alert("info", "candidates.full-model")

@@ -113,12 +113,19 @@ def live_view(source: ReportSource) -> LiveView | None:
             LiveParameterView(p.name, p.unit, p.nominal, p.updated, p.lower, p.upper, p.scale, p.interval_95)
             for p in found.parameters
         ),
+        mass_unit=_mass_unit(source.results.study.units),
         x=_floats(source, found.x_key),
         region=None if found.region is None else _region(source, found.region),
         draws=None if found.draws is None else _draws(source, found.draws),
         configurations=tuple(_configuration(source, c) for c in found.configurations),
         others=tuple(LiveOtherView(o.kind, o.chi_square) for o in found.others),
     )
+
+
+def _mass_unit(units: str) -> str:
+    """Of units length-mass-time; "" where none are declared."""
+    parts = units.split("-")
+    return parts[1] if len(parts) == 3 else ""
 
 
 def _floats(source: ReportSource, key: str | None) -> tuple[float, ...]:
@@ -131,9 +138,9 @@ def _array(source: ReportSource, key: str | None) -> NDArray:
 
 
 def _region(source: ReportSource, region: LiveRegion) -> LiveRegionView:
-    keys = (region.at_key, region.rows_key, region.offset_key, region.centre_key, region.spread_key)
-    at, rows, offset, centre, spread = (_floats(source, key) for key in keys)
-    return LiveRegionView(region.moving, at, rows, offset, region.limit, centre, spread, region.radius_square)
+    keys = (region.at_key, region.rows_key, region.offset_key, region.centre_key, region.precision_key)
+    at, rows, offset, centre, precision = (_floats(source, key) for key in keys)
+    return LiveRegionView(region.moving, at, rows, offset, region.limit, centre, precision, region.radius_square)
 
 
 def _draws(source: ReportSource, draws: LiveDraws) -> LiveDrawsView:
@@ -151,7 +158,10 @@ def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurat
         triangles=as_stored(_array(source, c.triangles_key)), sensors=as_stored(_array(source, c.sensors_key)),
         test_labels=c.test_labels, test_freq_hz=c.test_freq_hz,
         test_shapes=as_stored(_array(source, c.test_shapes_key)),
-        pairs=tuple((p.test, p.modes[0]) for p in c.pairs if len(p.modes) == 1),
+        sensor_labels=c.sensor_labels,
+        mass_points=c.mass_points,
+        mass_rows=None if c.mass_rows_key is None else as_stored(_array(source, c.mass_rows_key)),
+        pairs=tuple((p.test, p.mode, p.modes) for p in c.pairs),
         parts=tuple(_part(p, weights) for p in c.parts),
         region=None if c.region is None else _errors_view(c.region, c.reduced_error_percent),
         bounds=_errors_view(c.bounds, c.reduced_bounds_percent),

@@ -43,11 +43,10 @@ class LiveRegion(Record):
     """Value of |A (x − x̂) + b|² that 95 % of the distribution within the bounds are below."""
     centre_key: str
     """Key of the middle of the region (moving,), normalised."""
-    spread_key: str
-    """Key of G (moving, moving): centre + G u with |u|² at most `radius_square` is in the region, apart from the
-    bounds."""
+    precision_key: str
+    """Key of H (moving, moving): the region is (x − centre)ᵀH(x − centre) at most `radius_square`, and the bounds."""
     radius_square: float
-    """Square of the radius in u."""
+    """Limit of that form."""
 
 
 class LiveFactor(Record):
@@ -97,8 +96,10 @@ class LivePair(Record):
 
     test: int
     """Position of the test mode."""
+    mode: int
+    """Position of its partner at the updated point; of close modes the one of the same rank."""
     modes: tuple[int, ...]
-    """Positions of the modes of the model at the updated point; several for close modes that are compared as one
+    """Positions of all modes of the model that span its motion: several for close modes that are compared as one
     subspace."""
 
 
@@ -190,6 +191,11 @@ class LiveConfiguration(Record):
     """Key of all Chebyshev coefficients."""
     sensors_key: str
     """Key of the motion of the sensors (sensors, order)."""
+    mass_points: tuple[str, ...] = ()
+    """Points of sensors at which a mass can be added, "grid 101"; empty where the live model has not all degrees of
+    freedom of the model, which an added mass would need."""
+    mass_rows_key: str | None = None
+    """Key of the translations of these points (points, 3, order)."""
     drawing_key: str | None = None
     """Key of the vectors that shapes are drawn with (points, 3, vectors), steps of 8 bits; None where nothing is
     drawn."""
@@ -199,6 +205,8 @@ class LiveConfiguration(Record):
     """Test modes."""
     test_freq_hz: tuple[float, ...]
     """Their frequencies in Hz."""
+    sensor_labels: tuple[str, ...] = ()
+    """Labels of the sensors."""
     test_shapes_key: str
     """Key of their shapes (sensors, test modes); NaN where not measured."""
     pairs: tuple[LivePair, ...]

@@ -77,8 +77,6 @@ def page_parts(at: Evaluation, position: int, residuals: Sequence[Residual]) -> 
     residuals : of paired modes in all configurations
     """
     state = at.states[position]
-    if any(len(tests) > 1 or len(models) > 1 for tests, models in state.groups):
-        return []
     pairs = list(state.pairs(False))
     parts = [
         part

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.modal.assignment import linear_sum_assignment
+from femtune.model import SubspaceDerivative
 from femtune.model.live import LiveModel, LiveModes, SecondBasis, Separated, live_model, second_basis, separated_terms
 from femtune.model.live.basis import WHOLE
 from femtune.model.live.matrices import solved
 from femtune.model.reduce import ReducedModel, ReducedModes, reduce_model, reduced_modes
 from femtune.model.reduce.training import candidates
+from femtune.residuals.aligned import align
 from femtune.steps.live.record import (
     LiveCertificate,
     LiveCheck,
@@ -67,7 +69,9 @@ _SHOWN = 20
 """Models that the data allow, of those that a page shows."""
 _DRAWN_LINEAR = 300
 """Samples of the linearised distribution that a page weighs."""
+_MOST_MASS_POINTS = 60
 _UNDETERMINED = 100.0
+"""Widths of the samples that a combination of parameters is taken to have where the data leave it undetermined."""
 _LEAST_WIDTH = 1e-9
 _ORDERS = 1.25
 """Ratio of two orders that are tried one after the other."""
@@ -207,13 +211,12 @@ class _Region:
         width = _UNDETERMINED * np.maximum(np.ptp(self.inside[:, self.moving], axis=0), _LEAST_WIDTH)
         both = np.vstack([self.rows, np.diag(1.0 / width)])
         right = np.concatenate([self.offset, np.zeros(len(width))])
-        root = np.linalg.qr(both, mode="r")
         change = -np.linalg.lstsq(both, right, rcond=None)[0]
         least = float(np.sum((self.rows @ change + self.offset) ** 2))
         at = self.at[self.moving]
         stored = {
             "at": at, "rows": self.rows, "offset": self.offset, "centre": at + change,
-            "spread": np.linalg.inv(root),
+            "precision": both.T @ both,
         }  # fmt: skip
         arrays |= {f"live/region/{name}": a for name, a in stored.items()}
         keys = {f"{name}_key": f"live/region/{name}" for name in stored}
@@ -413,6 +416,7 @@ class _Making:
             "test_shapes": np.asarray(test.shapes, float),
             "weights": weights,
             **self._drawing(case, full, model),
+            **self._mass_rows(case, full),
         }
         checks = []
         for i, x in enumerate([*self._region_points(1, 6), *self._bounds_points(3, 6)][-3:]):
@@ -422,7 +426,7 @@ class _Making:
                 keys = {"x_key": f"{prefix}/check_{i}_x", "eigenvalues_key": f"{prefix}/check_{i}"}
                 checks.append(LiveCheck(chi_square=certified.chi_square(modes), **keys))
         arrays |= {f"{prefix}/{name}": a for name, a in stored.items()}
-        drawn = {f"{n}_key": f"{prefix}/{n}" for n in ("drawing", "drawing_weights") if n in stored}
+        drawn = {f"{n}_key": f"{prefix}/{n}" for n in ("drawing", "drawing_weights", "mass_rows") if n in stored}
         return LiveConfiguration(
             configuration=case.name, order=model.order, dofs=state.case.on_full_model.configured.n_free,
             compared_with="full model" if first.error is None else "reduced model", compared_order=first.model.order,
@@ -438,14 +442,27 @@ class _Making:
             ),
             triangles_key=f"{prefix}/triangles", polynomials_key=f"{prefix}/polynomials",
             sensors_key=f"{prefix}/sensors", test_shapes_key=f"{prefix}/test_shapes",
-            test_labels=tuple(test.labels), test_freq_hz=tuple(map(float, test.freq_hz)),
+            sensor_labels=tuple(map(str, test.dofs)),
+            mass_points=tuple(f"grid {n}" for n in _mass_points(case)) if "mass_rows" in stored else (),
+            test_labels=tuple(test.labels),
+            test_freq_hz=tuple(map(float, test.freq_hz)),
             pairs=tuple(
-                LivePair(test=i, modes=tuple(models)) for tests, models in state.groups for i in tests
+                LivePair(test=i, mode=j, modes=tuple(models)) for i, j, models in _partners_at_update(state)
             ),
             parts=_part_records(parts), weights_key=f"{prefix}/weights",
             region=certified.at(region) if len(region) else None, bounds=certified.at(self._bounds_points(_POINTS, 5)),
             checks=tuple(checks), **drawn,
         )  # fmt: skip
+
+    @staticmethod
+    def _mass_rows(case: StudyCase, full: Reals) -> dict[str, NDArray]:
+        """Translations of the points of the sensors; none where the live model is not the whole one."""
+        points = _mass_points(case)
+        if full.shape[0] != full.shape[1] or not points:
+            return {}
+        at = [case.configured.model.structure.nodes.position(n) for n in points]
+        rows = case.configured.transformation[(6 * np.array(at)[:, None] + np.arange(3)).ravel()]
+        return {"mass_rows": np.asarray(rows @ full, np.float32).reshape(len(points), 3, -1)}
 
     def _drawing(self, case: StudyCase, full: Reals, model: LiveModel) -> dict[str, NDArray]:
         """Vectors in which the shapes of the points lie, in steps of 8 bits, and their parts in the live model."""
@@ -474,6 +491,18 @@ def _same_kinds(configurations: list[LiveConfiguration], at: Evaluation) -> list
     done = {(p.kind, c.configuration) for c in configurations for p in c.parts}
     whole = {kind for kind, _ in every if all(pair in done for pair in every if pair[0] == kind)}
     return [c.model_copy(update={"parts": tuple(p for p in c.parts if p.kind in whole)}) for c in configurations]
+
+
+def _partners_at_update(state: CaseState) -> list[tuple[int, int, tuple[int, ...]]]:
+    """Test mode, its partner, and all modes that span its motion; of close modes those of one rank are partners."""
+    return [(i, j, tuple(models)) for tests, models in state.groups for i, j in zip(tests, models)]
+
+
+def _mass_points(case: StudyCase) -> list[int]:
+    """Grid points that sensors of the modes are at."""
+    matches = () if case.sensors is None else case.sensors.matches
+    known = set(case.configured.model.structure.nodes.ids.tolist())
+    return [n for n in dict.fromkeys(m.node for m in matches if m.node is not None) if n in known][:_MOST_MASS_POINTS]
 
 
 def _part_records(parts: Sequence[PagePart]) -> tuple[LivePart, ...]:
@@ -560,12 +589,15 @@ class _Certified:
         )
 
     def _mac_errors(self, modes: LiveModes, known: ReducedModes) -> list[float]:
-        """Differences of the MAC of each pair; of close modes the smallest."""
+        """Differences of the MAC of each pair; not of close modes, which are rotated."""
         if len(self.sensors) < 2:
             return []
         seen, first = self.sensors @ modes.shapes, self.first_sensors @ known.shapes[:, : self.live.count + 4]
-        out = []
-        for i, j in self._partners(modes).items():
+        out, become = [], self._become(modes)
+        for i, old, models in _partners_at_update(self.state):
+            if len(models) > 1:
+                continue
+            j = become[old]
             test = self.state.case.test.shapes[:, i]
             near = np.abs(known.eigenvalues[: first.shape[1]] / modes.eigenvalues[j] - 1.0) <= 2.0 * _NEAR
             if near.any():
@@ -573,22 +605,27 @@ class _Certified:
                 out.append(float(np.abs(macs - _mac(seen[:, j], test)).min()))
         return out
 
-    def _partners(self, modes: LiveModes) -> dict[int, int]:
-        """Position of the mode of each test mode, followed from the updated point."""
-        members = [models[0] for _, models in self.state.groups]
-        overlap = (modes.mass[members] @ modes.shapes) / np.sqrt(self.live.theta[members, None])
-        followed = dict(zip(members, linear_sum_assignment(-(overlap**2))[1].tolist()))
-        return {i: followed[models[0]] for tests, models in self.state.groups for i in tests}
+    def _become(self, modes: LiveModes) -> dict[int, int]:
+        """Positions of the modes that those of the update which are compared have become."""
+        old = list(dict.fromkeys(j for _, models in self.state.groups for j in models))
+        overlap = (modes.mass[old] @ modes.shapes) / np.sqrt(self.live.theta[old, None])
+        return dict(zip(old, linear_sum_assignment(-(overlap**2))[1].tolist()))
 
     def chi_square(self, modes: LiveModes) -> float:
         """Sum of squares of the parts, without the error that all frequencies share."""
-        partner, test, total = self._partners(modes), self.state.case.test, 0.0
+        become, test, total = self._become(modes), self.state.case.test, 0.0
         shapes = self.sensors @ modes.shapes
+        motions: dict[int, tuple[float, Reals]] = {}
+        for tests, models in self.state.groups:
+            columns = [become[j] for j in models]
+            none = np.zeros((0, len(columns), len(columns)))
+            seen = shapes[:, columns]
+            subspace = SubspaceDerivative(modes.eigenvalues[columns], none, none, np.zeros((*seen.shape, 0)), seen, 0.0)
+            aligned = align(subspace, test.shapes[:, list(tests)])
+            motions |= {i: (float(aligned.eigenvalues[k]), aligned.shapes[:, k]) for k, i in enumerate(tests)}
         for part in self.parts:
-            j = partner[part.test]
-            values = part.values(
-                float(modes.eigenvalues[j]), shapes[:, j], float(test.freq_hz[part.test]), test.shapes[:, part.test]
-            )
+            eigenvalue, shape = motions[part.test]
+            values = part.values(eigenvalue, shape, float(test.freq_hz[part.test]), test.shapes[:, part.test])
             total += float(values @ values)
         return total
 

@@ -135,6 +135,7 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
     )  # fmt: skip
     record = PosteriorResults(
         noise=table.noise, discrepancy=table.discrepancy, no_model_errors=facts.errors.reason,
+        fields_left_out=facts.errors.left_out,
         model_errors=tuple(_model_errors(facts)), wanted=tuple(_wanted(facts)),
         seed=table.seed, draws=len(s.x), effective=s.weights.effective, k_hat=s.weights.k_hat,
         drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
@@ -257,6 +258,12 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
                 f"({low:.2g} … {high:.2g})."
             )
     yield from _of_model(record)
+    if record.fields_left_out:
+        fields, are = ("field", "is") if record.fields_left_out == 1 else ("fields", "are")
+        yield (
+            f"{record.fields_left_out} {fields} of the deck {are} not among the unknown changes, since there are too "
+            "many; their errors are not in the intervals."
+        )
     blind = [p.parameter for p in record.parameters if p.of_bounds]
     if blind:
         yield f"The data tell nothing of {listed(blind)}: the distribution is as wide as before the test."

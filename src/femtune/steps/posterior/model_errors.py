@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,9 +26,12 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
 
-USUAL_SHARE = 0.05
-"""Scale of the half-Cauchy prior of a standard deviation, relative to the usual change of a field: 1 % of a Young's
-modulus or a thickness, 0.5 % of a mass; 0.25 % of the mass of the model at a place where the deck has none."""
+_LIMITS = (5e-4, 1.0)
+"""Limits of a standard deviation, relative to the usual change of a field: 0.01 to 20 % of a Young's modulus or a
+thickness, 0.005 to 10 % of a mass; 0.0025 to 5 % of the mass of the model at a place where the deck has none. Wider
+ones, and a half-Cauchy prior, widen the intervals of right models by more than a quarter."""
+_COMMON_SHARE = 0.05
+"""A common standard deviation of these: 1 % of a Young's modulus."""
 _LEAST_EFFECT = 0.05
 """Standard deviations of the data by which a combination of changes of this size moves the residuals, below which it is
 left out: ten times as large a change would still be half a standard deviation."""
@@ -49,6 +52,7 @@ class ModelErrors:
     effects : (changes,) length of the derivative of the residuals by each change
     names, counts : what the changes are of, and the number of changes of each class
     reason : why there are none; "" otherwise
+    left_out : number of fields that do not change because there are too many
     """
 
     classes: tuple[NuisanceClass, ...]
@@ -58,6 +62,7 @@ class ModelErrors:
     names: tuple[str, ...] = ()
     counts: tuple[int, ...] = ()
     reason: str = ""
+    left_out: int = 0
 
 
 def none_of(rows: int, reason: str = "") -> ModelErrors:
@@ -73,7 +78,7 @@ def model_errors(study: Study, result: UpdateResult, solving: Solving) -> ModelE
     rows = len(solving.of(solving.at, False).residuals)
     if study.source.needs_runs or not study.source.has_elements:
         return none_of(rows, "the model has no elements whose properties could change")
-    fields, factors, _ = tested_fields(study)
+    fields, factors, left_out = tested_fields(study)
     try:
         masses = tested_masses(study, result, len(factors))
         supports, giving_way, couplings = tested_supports(study, result, len(factors) + len(masses))
@@ -88,7 +93,7 @@ def model_errors(study: Study, result: UpdateResult, solving: Solving) -> ModelE
     J = np.concatenate([b.jacobian for b in kept_blocks(end)])[:, len(result.x) :]
     J = np.vstack([J, np.zeros((rows - len(J), J.shape[1]))])
     changes = [*_of_fields(study, result, fields, factors, J), *_added(masses, J), *_added(supports, J)]
-    return _compressed(changes, rows)
+    return replace(_compressed(changes, rows), left_out=left_out)
 
 
 def _rows_of(at: Evaluation) -> list[tuple[str, int]]:
@@ -146,12 +151,12 @@ def _compressed(changes: Sequence[_Change], rows: int) -> ModelErrors:
     for name in dict.fromkeys(c.of for c in changes):
         mine = [i for i, c in enumerate(changes) if c.of == name]
         left, size, right = la.svd(np.column_stack([changes[i].column for i in mine]), full_matrices=False)
-        kept = size * USUAL_SHARE > _LEAST_EFFECT
+        kept = size * _COMMON_SHARE > _LEAST_EFFECT
         if not kept.any():
             continue
         turn = np.zeros((len(changes), int(kept.sum())))
         turn[mine] = right[kept].T * np.array([[changes[i].usual] for i in mine])
-        classes.append(NuisanceClass(name, np.arange(first, first + turn.shape[1]), USUAL_SHARE))
+        classes.append(NuisanceClass(name, np.arange(first, first + turn.shape[1]), _LIMITS))
         blocks.append(left[:, kept] * size[kept])
         turns.append(turn)
         counts.append(len(mine))

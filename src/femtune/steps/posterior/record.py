@@ -110,6 +110,8 @@ class PosteriorResults(Record):
     """Errors of the model that were asked for."""
     no_model_errors: str = ""
     """Why no errors of the model are taken although they were asked for."""
+    fields_left_out: int = 0
+    """Fields of the deck that are not among the unknown changes, since there are too many."""
     model_errors: tuple[ModelErrorClass, ...] = ()
     """Sizes of the errors of the model, by class."""
     wanted: tuple[WantedChange, ...] = ()

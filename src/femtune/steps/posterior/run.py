@@ -20,26 +20,21 @@ from femtune.model.full_model import direct
 from femtune.sampling import (
     Known,
     Likelihood,
-    NormalBox,
     PosteriorSamples,
-    Sampler,
     SamplingRules,
-    Scaled,
     SolvedSample,
     Solving,
     far_from,
-    kept_blocks,
-    noise_groups,
 )
 from femtune.steps.posterior.facts import OutsideOptimum, SampledFacts, posterior_results
-from femtune.steps.posterior.model_errors import ModelErrors, model_errors, none_of
+from femtune.steps.posterior.model_errors import model_errors, none_of
+from femtune.steps.posterior.problem import at_result, likelihood_of, sampler_of, solving_of, without_likelihood
 from femtune.steps.run_folder import unwritable
 from femtune.study.error_places import errors_at
 from femtune.study.executor import executor_of
 from femtune.study.study import solved_by
 from femtune.study.update_method import method_of
 from femtune.updating import StartRules, multi_start
-from femtune.updating.error_scales import FEWEST_DEGREES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,7 +42,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.executor import Executor
     from femtune.files.study_file import PosteriorTable
-    from femtune.residuals import Evaluation, UpdateProblem
+    from femtune.residuals import UpdateProblem
     from femtune.steps.posterior.record import PosteriorResults
     from femtune.steps.update.run import FoundParameters
     from femtune.study.progress import Progress
@@ -107,9 +102,9 @@ def posterior_at(
         else:
             progress.step("posterior: effects of errors of the model", 0, None)
             errors = model_errors(study, result, solving)
-        likelihood = _likelihood(solving, result, table, errors)
-        sampler = _sampler(solving, likelihood, table, solutions)
-        samples = sampler.run()
+        likelihood = likelihood_of(solving, result, table.noise, errors)
+        rules = SamplingRules(table.draws, table.seed, table.gradients)
+        samples = sampler_of(solving, likelihood, rules, solutions, solutions.tell).run()
         starts, regions = _other_regions(study, update, problem, solving, samples, likelihood, table, progress)
         orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
         error = None if reduced is None else _full_error(full, result, samples, likelihood, progress)
@@ -123,53 +118,8 @@ def posterior_at(
     return posterior_results(facts, arrays)
 
 
-def solving_of(problem: UpdateProblem, result: UpdateResult, reduced: bool) -> Solving:
-    """The problem about the result, with all that can be sent to another process."""
-    at = _at_result(problem, result) if reduced else result.after
-    if not kept_blocks(at):
-        raise FemtuneError("posterior.no-likelihood", reason="; ".join(_reasons(at.weighted)))
-    moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
-    sent = problem.to_send()
-    # the journal keeps what the samples need, not their modes
-    return Solving(sent, sent.unsolved(at), result.side, moving)
-
-
-def _at_result(problem: UpdateProblem, result: UpdateResult) -> Evaluation:
-    """The result on the models of another problem, with the same pairs."""
-    return problem.assess(result.x, problem.paired_as(result.after, problem.solved(result.x)))
-
-
-def _reasons(blocks: Sequence[Any]) -> list[str]:
-    return list(dict.fromkeys(f"{b.kind}: {b.without_distribution}" for b in blocks if b.without_distribution))
-
-
 def _left_out(solving: Solving) -> tuple[str, ...]:
-    return tuple(_reasons(solving.at.weighted))
-
-
-def _likelihood(solving: Solving, result: UpdateResult, table: PosteriorTable, errors: ModelErrors) -> Likelihood:
-    blocks = kept_blocks(solving.at)
-    kinds = np.array([b.kind for b in blocks for _ in b.values] + ["prior"] * solving.priors)
-    fixed = np.arange(len(kinds)) >= len(kinds) - solving.priors
-    lost: dict[str, int] = {}
-    for b in blocks:
-        lost[b.kind] = lost.get(b.kind, 0) + b.lost
-    # standard deviations that are relative weights say nothing of the size of the errors
-    rule = "common" if table.noise == "stated" and solving.problem.scatter == "estimated" else table.noise
-    groups = noise_groups(kinds, fixed, lost, rule, result.covariance.freedom, FEWEST_DEGREES)
-    return Likelihood(groups, errors.classes, errors.B)
-
-
-def _sampler(solving: Solving, likelihood: Likelihood, table: PosteriorTable, solutions: _Solutions) -> Sampler:
-    parameters, moving = solving.problem.parameters, solving.moving
-    lower, upper = (ends[moving] for ends in parameters.limits)
-    k = len(moving)
-    positive = parameters.denormalise(parameters.limits[0])[moving] > 0.0
-    scaled = Scaled(parameters.nominal[moving], parameters.scale[moving], positive, np.zeros(k), np.ones(k))
-    here = solving.of(solving.at)
-    start = Known(np.clip(solving.at.x[moving], lower, upper), here.residuals, here.jacobian)
-    rules = SamplingRules(table.draws, table.seed, table.gradients)
-    return Sampler(likelihood, NormalBox(lower, upper), start, scaled, solutions, rules, solutions.tell)
+    return tuple(without_likelihood(solving.at.weighted))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -307,7 +257,7 @@ def _full_error(
 ) -> float | None:
     """Standard deviation of the difference of log likelihood of full and reduced model; None if it cannot be had."""
     moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
-    solving = Solving(full, _at_result(full, result), result.side, moving)
+    solving = Solving(full, at_result(full, result), result.side, moving)
     rng = np.random.default_rng(0)
     chosen = rng.choice(len(samples.x), _CHECKED_ON_FULL, p=samples.weights.values)
     differences = []
