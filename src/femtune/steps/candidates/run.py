@@ -727,9 +727,9 @@ def _fit(calibration: Found, parameters: ParameterSet, within: Sequence[Found]) 
     """`within` are the candidate and those that it contains: what one of them reaches, the candidate reaches too."""
     place = np.array([calibration["values"][p.name] / p.scale for p in parameters.free])
     moving = len(calibration["slope"])
-    parts = [np.array(calibration[key], float) for key in ("slope", "lower", "upper", "prior_mean")]
+    slope, lower, upper, mean = (np.array(calibration[key], float) for key in ("slope", "lower", "upper", "prior_mean"))
     sd = np.array([np.inf if s is None else s for s in calibration["prior_sd"]], float)
-    linear = LinearFit(np.array(calibration["curvature"], float).reshape(moving, moving), *parts, sd)
+    linear = LinearFit(np.array(calibration["curvature"], float).reshape(moving, moving), slope, lower, upper, mean, sd)
     return CandidateFit(
         calibration["chi2"], calibration["residuals"], calibration["rank"], linear,
         place, min(map(_least_of, within)), min(f["error"] for f in within),
