@@ -72,7 +72,7 @@ def test_samples_for_arviz_have_the_weights_of_the_run(bench: Bench) -> None:
         wanted = np.bincount(place, found.arrays[record.weights_key]) * record.draws
         counts = (drawn[:, None] == every).sum(axis=0)
         assert (np.abs(counts - wanted) < np.bincount(place)).all()
-    assert data.posterior.attrs["log_evidence"] == record.log_evidence
+    assert data.attrs["log_evidence"] == record.log_evidence
 
 
 def test_a_run_without_samples_has_none_for_arviz(bench: Bench) -> None:
