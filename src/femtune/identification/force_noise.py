@@ -28,7 +28,7 @@ CHANCE = 1e-4
 MOST_UNKNOWNS = 2500
 """Numbers of all functions up to which the poles are fitted again; with more, only their errors are raised."""
 MOST_NUMBERS = 20_000_000
-"""Slopes of all functions with the poles up to which all lines are used, 320 MB; else errors are those of some lines."""
+"""Slopes of all functions with the poles up to which all lines are used, 320 MB; else errors are from some lines."""
 MOST_STEPS = 8
 """Steps of this fit at most."""
 SMALL = 0.02
