@@ -12,6 +12,7 @@ from simulated import AMBIENT_S, BAND, BURSTS, KINDS, RATE, SWEEP_S
 
 Row = dict[str, Any]
 _MEDIAN_OF_NORMAL = 0.6745
+_EARLY = " The run was ended early; of each excitation, its tests are the first of a drawn order."
 
 
 def page(rows: list[Row], wanted: int) -> str:
@@ -23,7 +24,7 @@ def page(rows: list[Row], wanted: int) -> str:
         "# Identification of what laboratories record", "",
         f"Measured on {datetime.now(UTC):%Y-%m-%d} by `make bench-laboratory`: {len(rows)} of {wanted} identifications "
         f"({counts})."
-        + (" The run was ended early; its tests are the first of a drawn order." if len(rows) < wanted else ""), "",
+        + (_EARLY if len(rows) < wanted else ""), "",
         *_about(), "",
         "## Modes", "",
         "| excitation | who | tests | true modes found | in close pairs | not held by the data, found | "
