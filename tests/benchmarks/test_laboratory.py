@@ -40,6 +40,7 @@ def test_records_are_the_same_each_time_and_bounds_fall_with_the_hits(modules: d
     assert ratio == pytest.approx(np.sqrt(5.0), rel=0.25)
 
 
+@pytest.mark.slow
 def test_noise_of_the_force_raises_the_bound_of_sharp_modes(modules: dict[str, ModuleType]) -> None:
     made, bounds = modules["simulated"], modules["bounds"].bounds
     one = made.structure(16)

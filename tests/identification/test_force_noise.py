@@ -59,6 +59,7 @@ def test_errors_of_modes_have_the_noise_of_the_force() -> None:
     assert np.sum(np.abs(after) <= 1.96) >= 217
 
 
+@pytest.mark.slow
 def test_a_fit_without_noise_of_the_force_stays() -> None:
     kept = 0
     for seed in range(10):
