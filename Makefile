@@ -230,8 +230,8 @@ $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 	@touch $@
 
 $(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
-	@echo "installing the libraries for OP2, Ansys, HDF5, Parquet and VTU files, CMA-ES and the light factorisation into $(VENV)"
-	@$(PIP) -e '.[light,op2,ansys,hdf5,parquet,vtu,search]'
+	@echo "installing the libraries for OP2, Ansys, HDF5, Parquet and VTU files, CMA-ES, ArviZ and the light factorisation into $(VENV)"
+	@$(PIP) -e '.[light,op2,ansys,hdf5,parquet,vtu,search,arviz]'
 	@touch $@
 
 $(VENV)/.stamp-notebooks: pyproject.toml $(VENV)/.stamp-test
