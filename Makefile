@@ -150,6 +150,8 @@ bench-surrogates: $(VENV)/.stamp-test  ## surrogates compared with four librarie
 	@test -d $(VENV)/peers/smt || $(PIP) --target $(VENV)/peers --no-deps $(SURROGATE_PEERS)
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
 	  $(BIN)/python benchmarks/surrogates/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
+	  $(BIN)/python benchmarks/surrogates/coverage.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 bench-search: $(VENV)/.stamp-test  ## runs of the model that a search needs with derivatives, a surrogate, or without both; takes minutes
 	@$(ONE_THREAD) $(BIN)/python benchmarks/search/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
@@ -231,8 +233,8 @@ $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 	@touch $@
 
 $(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
-	@echo "installing the libraries for OP2, Ansys, HDF5, Parquet and VTU files, CMA-ES and the light factorisation into $(VENV)"
-	@$(PIP) -e '.[light,op2,ansys,hdf5,parquet,vtu,search]'
+	@echo "installing the libraries for OP2, Ansys, HDF5, Parquet and VTU files, CMA-ES, ArviZ and the light factorisation into $(VENV)"
+	@$(PIP) -e '.[light,op2,ansys,hdf5,parquet,vtu,search,arviz]'
 	@touch $@
 
 $(VENV)/.stamp-notebooks: pyproject.toml $(VENV)/.stamp-test

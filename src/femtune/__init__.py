@@ -34,7 +34,7 @@ if TYPE_CHECKING:
         StaticForceResidual,
         StrainResidual,
     )
-    from femtune.labelled import to_xarray
+    from femtune.labelled import to_inference_data, to_xarray
     from femtune.modal import FrfSet, ModeSet, TimeSeries, mac
     from femtune.status import Status
     from femtune.steps.bootstrap.function import bootstrap
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from femtune.steps.info.result import InfoResult
     from femtune.steps.init.function import init
     from femtune.steps.init.run import InitResult
+    from femtune.steps.intervals.run import IntervalsResult, intervals
     from femtune.steps.modes.function import modes
     from femtune.steps.modes.result import ModesResult
     from femtune.steps.modes.simulate import simulate
@@ -102,6 +103,7 @@ __all__ = [
     "InertiaResidual",
     "InfoResult",
     "InitResult",
+    "IntervalsResult",
     "MacResidual",
     "MassResidual",
     "ModalTest",
@@ -131,6 +133,7 @@ __all__ = [
     "identify",
     "info",
     "init",
+    "intervals",
     "mac",
     "modes",
     "plan",
@@ -149,6 +152,7 @@ __all__ = [
     "select",
     "simulate",
     "testing",
+    "to_inference_data",
     "to_xarray",
     "update",
     "validate",

@@ -38,6 +38,7 @@ _COMMANDS = [
     "correlate",
     "select",
     "quantify",
+    "intervals",
     "update",
     "screen",
     "search",

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from femtune.dofs import DofSet
+from femtune.identification import InputKnown
 from femtune.identification.channel_quality import quality, relative_noise
 from femtune.modal import FrfSet
 
@@ -54,3 +55,16 @@ def test_of_one_output_and_many_inputs_the_inputs_are_ranked(frfs: FrfSet) -> No
     assert found.of_inputs
     assert found.order == [1, 2, 3, 0]
     assert not quality(frfs).of_inputs
+
+
+@pytest.mark.slow
+def test_ranks_by_the_error_of_an_identified_system(frfs: FrfSet) -> None:
+    """A further resonance that one output alone has, and that is no mode of the others, is no noise between lines."""
+    lines = LINES[::10]
+    values = frfs.values[:, :, ::10].copy()
+    values[3] += 20.0 * np.sin(40.0 * lines) / lines
+    thin = replace(frfs, freq_hz=lines, values=values)
+    found = quality(thin, "fit", InputKnown(largest_order=12))
+    assert found.order[0] == 3
+    assert found.words == "the largest error of the identified system"
+    assert found.values[1] == pytest.approx(NOISE[1] * np.sqrt(2.0), rel=0.3)

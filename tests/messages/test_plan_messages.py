@@ -6,12 +6,14 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 from tests.study.plate import plate_deck
 
 import femtune as ft
 from femtune.errors import FemtuneError
+from femtune.planning import PoleTest
 
 _DECK = """SOL 103
 CEND
@@ -65,6 +67,8 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         ("plan.too-many-sensors, visualisation", '[plan]\nmodes = [1, 2]\nuniaxial = 3\nvisualisation = 3\n'),
         ("plan.dependent", '[plan]\nmodes = [1, 2, 3]\nnodes = [4]\ntriaxial = 1\ndirections = ["Z"]\n'),
         ("plan.exciters, too many", '[plan]\nmodes = [1, 2]\nexciters = 9\n'),
+        ("plan.pole-lines", '[plan]\nmodes = [1, 2]\nexciters = 1\nidentification_lines = 5\n'),
+        ("plan.pole-lines, no exciters", '[plan]\nmodes = [1, 2]\nidentification_lines = 20\n'),
         ("plan.exciters, none", '[plan]\nmodes = [1, 2]\ndata = "frfs"\n'),
         ("plan.exciters, no candidate", '[plan]\nmodes = [1, 2]\nexciters = 1\nexciter_nodes = [1]\n'),
         ("plan.exciters, rotation", '[plan]\nmodes = [1, 2]\nexciters_placed = ["2RX+"]\n'),
@@ -83,6 +87,19 @@ def test_what_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
         ft.plan(Path("study.toml"))
     check_shown(name, caught.value)
     assert caught.value.hint
+
+
+def test_lines_for_an_identification_need_noise() -> None:
+    with pytest.raises(FemtuneError) as caught:
+        PoleTest(np.array([10.0]), np.array([0.01]), np.ones((1, 1)), 0.0, 0.0)
+    check_shown("plan.pole-lines, noise", caught.value)
+
+
+def test_lines_that_are_not_wanted_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FemtuneError) as caught:
+        ft.plan(_study(tmp_path, "[plan]\nmodes = [1, 2]\n"), lines="lines.txt")
+    check_shown("plan.pole-lines, not wanted", caught.value)
 
 
 def test_rigid_body_modes_alone(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,13 @@ from tests.messages.shown import check_shown
 
 import femtune as ft
 from femtune.errors import FemtuneError, FemtuneErrors
+from femtune.fem.random_field import FieldKernel, expansion
 from femtune.files.nastran import build_structure, read_deck
 from femtune.files.study_file import study_from_text
 from femtune.files.uff import write_uff_modes
+from femtune.modal import ModeSet
 from femtune.steps.run.result import RunResult
+from femtune.study.study import read_study
 from structures.pressed_plate import NX, NY, TRUTH, plate
 
 from .cantilever import measured
@@ -120,7 +124,7 @@ def test_what_does_not_fit_is_refused(code: str, old: str, new: str, tmp_path: P
             '[[parameter]]\nname = "b"\nfields = ["DISTRIBUTION AGAIN F1"]\nabsolute = true\nlower = -1\nupper = 1\n'
         )
         text = text.replace("lower = -1\nupper = 1\n", "lower = -0.5\nupper = 0.5\n")
-    (tmp_path / "plate.bdf").write_text(plate(varied=False))
+    _folder(tmp_path, None)
     (tmp_path / "study.toml").write_text(text)
     with pytest.raises(FemtuneError) as caught:
         ft.modes(study_from_text(text, tmp_path / "study.toml").path)
@@ -178,3 +182,71 @@ def test_the_bound_that_makes_a_thickness_positive_does(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(text.replace("lower = -0.5", f"lower = {limit - 1e-3}"))
     with pytest.raises(FemtuneError, match="in the deck"):
         ft.modes(tmp_path / "study.toml")
+
+
+def _random(text: str = 'random = { length = 0.3, kernel = "gaussian", terms = 3 }') -> str:
+    return STUDY.replace('functions = ["1", "u", "1 - v**2"]', text)
+
+
+@pytest.mark.parametrize("kernel", ["exponential", "gaussian"])
+def test_an_expansion_holds_what_its_eigenvalues_say(kernel: FieldKernel) -> None:
+    points = np.random.default_rng(2).random((60, 3)) * [1.0, 0.5, 0.0]
+    distance = np.linalg.norm(points[:, None] - points, axis=2) / 0.4
+    C = np.exp(-distance) if kernel == "exponential" else np.exp(-0.5 * distance**2)
+    whole, all_of_it = expansion(points, 0.4, kernel, 60)
+    np.testing.assert_allclose(whole @ whole.T, C, atol=1e-10)
+    assert all_of_it == pytest.approx(1.0)
+    few, part = expansion(points, 0.4, kernel, 5)
+    np.testing.assert_allclose(few, whole[:, :5], atol=1e-8)
+    values = np.sort(np.linalg.eigvalsh(C))[::-1]
+    np.testing.assert_allclose(np.sum(few**2, axis=0), values[:5], rtol=1e-9)
+    assert part == pytest.approx(values[:5].sum() / 60)
+    # orthogonal, and nothing of the same size leaves less of the covariance
+    gram = few.T @ few
+    np.testing.assert_allclose(gram, np.diag(np.diag(gram)), atol=1e-9)
+    assert np.linalg.norm(C - few @ few.T) == pytest.approx(np.sqrt(np.sum(values[5:] ** 2)))
+
+
+@pytest.mark.slow
+def test_a_random_field_is_found_from_modes(tmp_path: Path) -> None:
+    """A thickness of three terms: the amplitudes that made the test are updated from zero."""
+    _folder(tmp_path, None)
+    true = {"thin1": 0.06, "thin2": -0.05, "thin3": 0.04}
+    (tmp_path / "study.toml").write_text(_random())
+    study = read_study(tmp_path / "study.toml")
+    problem = study.problem()
+    x = study.parameters.normalise([true[p.name] for p in study.parameters.free])
+    state = problem.follow(x, problem.start(np.zeros(3))).states[0]
+    shapes = state.case.sensors @ state.solution.shapes[:, :_COUNT]
+    modes = ModeSet(state.solution.freq_hz[:_COUNT], shapes, state.case.test.dofs)
+    nodes = range(3, (NX + 1) * (NY + 1) + 1, 4)
+    test = measured(tmp_path / "true.bdf", tuple(f"{n}Z+" for n in nodes if n % (NX + 1) != 1), _COUNT)
+    write_uff_modes(tmp_path / "plate.uff", replace(test, modes=modes))
+    found = ft.update(tmp_path / "study.toml", output=tmp_path / "run")
+    assert found.values == pytest.approx(true, abs=2e-4)
+    (notice,) = [n for n in study.built.notices if n.code == "distribution.share"]
+    check_shown("distribution.share", str(notice).replace(str(tmp_path), "FOLDER"))
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("distribution.one-kind", 'functions = ["1"]\nrandom = { length = 0.3 }'),
+        ("distribution.one-kind, none", ""),
+    ],
+)
+def test_one_kind_of_functions(tmp_path: Path, name: str, text: str) -> None:
+    with pytest.raises((FemtuneError, FemtuneErrors)) as caught:
+        study_from_text(_random(text), tmp_path / "study.toml")
+    errors = caught.value.errors if isinstance(caught.value, FemtuneErrors) else [caught.value]
+    error = next(e for e in errors if e.code == "distribution.one-kind")
+    check_shown(name, str(error).replace(str(tmp_path), "FOLDER"))
+
+
+def test_a_random_field_needs_as_many_elements_as_terms(tmp_path: Path) -> None:
+    text = _random('random = { length = 0.3, terms = 3 }\nelements = "1 THRU 2"')
+    _folder(tmp_path, None)
+    (tmp_path / "study.toml").write_text(text)
+    with pytest.raises(FemtuneError) as caught:
+        read_study(tmp_path / "study.toml")
+    check_shown("distribution.random", str(caught.value).replace(str(tmp_path), "FOLDER"))

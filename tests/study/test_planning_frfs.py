@@ -91,6 +91,24 @@ def test_expected_standard_deviations_beside_differences(tmp_path: Path, form: s
 
 
 @pytest.mark.slow
+def test_lines_for_an_identification_are_written_for_the_test_system(tmp_path: Path) -> None:
+    file = tmp_path / "lines.txt"
+    asked = {"uniaxial": 5, "exciters": 1, "identification_lines": 30, "frf_floor": 0.001}
+    found = ft.plan(_chain(tmp_path, **asked), lines=file)
+    of, planned = found.record.pole_lines, found.identification_lines
+    assert of is not None
+    assert planned is not None
+    assert len(planned) == of.lines == 30
+    np.testing.assert_allclose(np.loadtxt(file), planned, rtol=1e-8)
+    *others, best = of.spacings
+    assert best.rms_percent is not None
+    assert best.rms_percent <= min(one.rms_percent for one in others if one.rms_percent is not None)
+    page = html_text(build_page("plan", found.results, found.arrays))
+    assert "30 lines for an identification" in page
+    assert "by half bandwidths" in page
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", ["D", "A"])
 def test_sensors_for_a_given_exciter_are_the_best_of_all_sets(tmp_path: Path, criterion: str) -> None:
     asked = {"aim": "parameters", "criterion": criterion, "uniaxial": 4, "exciters_placed": ("9X+",)}

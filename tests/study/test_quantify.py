@@ -217,6 +217,23 @@ def test_shapes_are_outputs_beside_frequencies(repeated):
 
 
 @pytest.mark.slow
+def test_selection_by_the_covariance_of_frequencies_and_shapes(bench: Bench):
+    """Before any update: three frequencies say nothing of three parameters, with the shapes the two that vary are
+    found, and the mass that does not stays outside."""
+    factors = _written(np.array([1.0, 1.0]) + 0.02 * np.random.default_rng(4).standard_normal((COUNT, 2)))
+    bench.uff(bench.measure(_truth(bench, np.array([1.0, 1.0])), count=6))
+    names = [bench.uff(bench.measure(_truth(bench, f), count=6), f"r{i}.uff").name for i, f in enumerate(factors)]
+    head = LEFT_OUT + bounded("mass", "CONM2 9 M") + "\n"
+    alone = ft.select(_study(bench, repeats=str(names), head=head)).record
+    assert all(i.cosine_distance is None for i in alone.measures.information)
+    found = ft.select(_study(bench, "shapes = true\n", repeats=str(names), head=head)).record
+    distance = {i.parameter: i.cosine_distance for i in found.measures.information}
+    assert max(distance["root"], distance["tip"]) < 0.02 < 0.1 * distance["mass"], distance
+    said = "The output covariance has rank 2; these parameters explain it: "
+    assert any(s.startswith(said) and "mass" not in s for s in found.measures.sentences), found.measures.sentences
+
+
+@pytest.mark.slow
 def test_held_out_repeats_with_shapes_are_compared_by_frequencies(repeated):
     """Entries of shapes that hardly vary in the prediction gave differences of 1e100 predicted standard deviations."""
     bench, factors, _ = repeated

@@ -17,7 +17,7 @@ from femtune.identification import equal_damping
 from femtune.model import damping_by_mode, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.residuals.frf import measured_damping
-from femtune.residuals.frf.unpaired_damping import with_unpaired_damping
+from femtune.residuals.frf.refined_damping import with_refined_damping
 from femtune.steps.run.result import RunResult
 from femtune.steps.update import raw
 from femtune.steps.update import run as update_run
@@ -221,10 +221,13 @@ def test_damping_of_a_mode_beside_the_band(bench: Bench, monkeypatch: pytest.Mon
     found = []
 
     def kept(*given: Any) -> Any:
-        found.append((given[1].freq_hz, *with_unpaired_damping(*given)))
-        return found[-1][1:]
+        found.append((given[3], with_refined_damping(*given)))
+        return found[-1][1]
 
-    monkeypatch.setattr(raw, "with_unpaired_damping", kept)
+    monkeypatch.setattr(raw, "with_refined_damping", kept)
     assert ft.update(study(bench)).results.update is not None
-    _, ratios, near = found[-1]
-    assert ratios[near[0]] == pytest.approx(zeta[near[0]], rel=0.1)
+    paired, refined = found[-1]
+    beside = zeta.index(0.02)
+    assert beside in set(refined.modes.tolist()) - set(paired)
+    assert refined.ratios[beside] == pytest.approx(zeta[beside], rel=0.1)
+    assert refined.common[0].shape[1] == len(refined.modes)

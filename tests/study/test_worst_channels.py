@@ -50,6 +50,18 @@ def test_the_noisiest_output_is_held_out(bench: Bench) -> None:
     check_shown("study.worst-held", Notice(notice.code, level="info", **{**notice.facts, **numbers}))
 
 
+@pytest.mark.slow
+def test_the_output_that_an_identified_system_fits_worst_is_held_out(bench: Bench) -> None:
+    noisy(bench, {"3Y+": 0.05})
+    found = load_study(study(bench, 'worst = 1\nby = "fit"'))
+    (case,) = found.cases
+    assert case.test is not None
+    assert case.test.frfs is not None
+    assert {case.test.frfs.responses.labels()[i] for i, _ in case.held.functions} == {"3Y+"}
+    (notice,) = [n for n in found.notices if n.code == "study.worst-held"]
+    assert "the largest error of the identified system" in notice.what
+
+
 def test_the_noisiest_input_is_held_out_where_one_output_was_measured(bench: Bench) -> None:
     exact = functions(bench.truth(TRULY, DAMPED), outputs=("3Y+",), inputs=("3Y+", "4Y+", "5Y+"))
     chance = np.random.default_rng(3).standard_normal((2, *exact.values.shape))
@@ -120,3 +132,14 @@ def test_the_terminal_names_the_held_outputs(bench: Bench) -> None:
     noisy(bench, {"5Y+": 0.05})
     run = ft.run(study(bench, "worst = 1"))
     assert ": 5Y+ (" in str(short_form(ReportSource(run.results, run.arrays)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("equalised", ["", "[equalise]\ndamping = 0.02\n"])
+def test_a_band_without_lines_is_told_before_anything_is_solved(bench: Bench, equalised: str) -> None:
+    noisy(bench, {})
+    text = FRF.replace("to_hz = 150.0", "from_hz = 900.0\nto_hz = 950.0")
+    with pytest.raises(FemtuneError) as error:
+        load_study(study_of(bench, f"{text}\n{equalised}", EI))
+    assert error.value.code == "residual.no-frf-lines"
+    assert error.value.where is not None

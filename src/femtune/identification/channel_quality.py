@@ -9,8 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Complexes, Reals
+from femtune.identification.input_known import InputKnown, identify_frfs
 from femtune.identification.kinds import ChannelRule
 from femtune.modal import FrfSet
+
+_WORDS = {
+    "coherence": "the lowest coherence",
+    "noise": "the highest relative noise",
+    "fit": "the largest error of the identified system",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +26,8 @@ class Quality:
 
     Parameters
     ----------
-    rule : "coherence": mean coherence over inputs and lines; "noise": see `relative_noise`
+    rule : "coherence": mean coherence over inputs and lines; "noise": see `relative_noise`; "fit": error of an
+        identified system over all inputs and lines, relative to the functions there
     values : (channels,) NaN for channels that were not measured
     of_inputs : whether the channels are the inputs, as with a moved hammer and one sensor
     """
@@ -38,16 +46,26 @@ class Quality:
     @property
     def words(self) -> str:
         """The name of the measure that ranks them."""
-        return "the lowest coherence" if self.rule == "coherence" else "the highest relative noise"
+        return _WORDS[self.rule]
 
 
-def quality(frfs: FrfSet, rule: ChannelRule | None = None) -> Quality:
+def quality(frfs: FrfSet, rule: ChannelRule | None = None, asked: InputKnown | None = None) -> Quality:
     """By coherence where the functions have it and no rule is given, otherwise by noise.
 
     Functions without coherence have none by that rule.
+
+    Parameters
+    ----------
+    asked : options of the identification for "fit" (errors as `identify_frfs`)
     """
     chosen: ChannelRule = rule or ("noise" if frfs.coherence is None else "coherence")
     of_inputs = _one_output(frfs)
+    if chosen == "fit":
+        found = identify_frfs(frfs, asked or InputKnown())
+        left = found.system.frf(found.measured.freq_hz).values - found.measured.values
+        # together, since functions across the axes of a structure are nearly zero
+        miss, size = (np.linalg.norm(_by_channel(v, of_inputs), axis=(1, 2)) for v in (left, found.measured.values))
+        return Quality(chosen, np.divide(miss, size, out=np.full(len(size), np.nan), where=size > 0.0), of_inputs)
     if chosen == "noise":
         return Quality(chosen, relative_noise(_by_channel(frfs.values, of_inputs)), of_inputs)
     coherence = np.full(frfs.values.shape, np.nan) if frfs.coherence is None else frfs.coherence

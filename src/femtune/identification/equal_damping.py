@@ -97,15 +97,15 @@ def check_equalised_lines(
     band_hz: Band | None = None,
     per_half_band: float = 3.0,
     left_out_hz: Sequence[Band] = (),
-) -> None:
-    """Refuse a band without measured lines, and frequency lines that are none or too many, before a test is identified.
+) -> Reals:
+    """The lines that are compared, before a test is identified; a band without lines, and too many, are refused.
 
     Raises
     ------
     FemtuneError : ``identify.band``, ``system.equalise``, and as `complete_lines`
     """
     used = complete_lines(frfs if band_hz is None else in_band(frfs, *band_hz))
-    _lines(_band(used), damping_ratio, per_half_band, left_out_hz)
+    return _lines(_band(used), damping_ratio, per_half_band, left_out_hz)
 
 
 def _band(used: FrfSet) -> Band:

@@ -168,8 +168,8 @@ def identify_frfs(
     roving = whole is None and asked.by_reciprocity and len(frfs.references) > len(frfs.responses)
     used = _without_dead(frfs)
     if roving:
-        counts = {"n_forces": len(frfs.references), "n_responses": len(frfs.responses)}
-        told.append(Notice("identify.reciprocity", level="info", **counts))
+        n_forces, n_responses = len(frfs.references), len(frfs.responses)
+        told.append(Notice("identify.reciprocity", level="info", n_forces=n_forces, n_responses=n_responses))
         used, sd = used.transposed(), None if sd is None else np.swapaxes(sd, 0, 1)
     with with_notices(told):
         identified = _identified(used, asked, sd, whole)

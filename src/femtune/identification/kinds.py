@@ -40,8 +40,9 @@ FRF_ESTIMATORS = Kinds(
 )
 """Estimators of FRFs from averaged spectra."""
 
-ChannelRule = Literal["coherence", "noise"]
-"""Channels of measured FRFs are judged by their mean coherence, or by their relative noise."""
+ChannelRule = Literal["coherence", "noise", "fit"]
+"""Channels of measured FRFs are judged by their mean coherence, by their relative noise, or by how well an identified
+system fits them."""
 
 Drawing = Literal["lines", "entries", "noise"]
 DRAWINGS = Kinds(

@@ -81,7 +81,8 @@ def independent_rows(values: Reals, count: int = MOST_REFERENCES) -> list[int]:
     moving = np.nan_to_num(values - np.nanmean(values, axis=1, keepdims=True))
     size = np.linalg.norm(moving, axis=1, keepdims=True)
     moving = moving / np.where(size > 0.0, size, 1.0)
-    left, rows = moving @ moving.T, []
+    left = moving @ moving.T
+    rows: list[int] = []
     for _ in range(count):
         i = int(np.argmax(np.where(np.isin(np.arange(len(left)), rows), -1.0, np.diag(left))))
         rows.append(i)

@@ -94,7 +94,7 @@ def system_fit(
     parts, steps, gradient, converged = _start(frfs, near, direct), 0, 0.0, True
     if len(frfs.references) > 1 or points:
         if start is not None:
-            known = np.isfinite(start).all(axis=1)
+            known = np.asarray(np.isfinite(start).all(axis=1))
             parts = replace(parts, participations=np.where(known[:, None], start, parts.participations))
             outside = [r for r in outside if not known[r]]
         parts, found = _rank_one(frfs, near, parts, direct, points, outside)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         set_independence,
     )
     from femtune.planning.lines import RecordLength, calibration_lines, record_length
+    from femtune.planning.lines_for_poles import PoleLines, PoleTest, by_half_bandwidths, pole_lines
     from femtune.planning.loading import Suspended, rayleigh_with_masses, suspended
     from femtune.planning.outcome import SensorOutcome, outcome_of, rank_of
     from femtune.planning.redundancy import unlike
@@ -45,11 +46,14 @@ __all__ = [
     "ClusterShapes",
     "Objective",
     "Placed",
+    "PoleLines",
+    "PoleTest",
     "RecordLength",
     "SensorOutcome",
     "SumObjective",
     "Suspended",
     "best_of",
+    "by_half_bandwidths",
     "calibration_lines",
     "combined",
     "data_sd",
@@ -65,6 +69,7 @@ __all__ = [
     "mode_indicator",
     "outcome_of",
     "place_exciters",
+    "pole_lines",
     "rank_of",
     "rayleigh_with_masses",
     "record_length",

@@ -64,6 +64,8 @@ class LineSamples:
         measured themselves
     noise : (n,) standard deviation of the noise that an identification has found, over the stated one; None if it is
         not known
+    common : (n, q) change of the residuals with q independent errors of unit variance that all values of a
+        configuration share, besides noise; None if there are none
     """
 
     freq_hz: Reals
@@ -71,6 +73,7 @@ class LineSamples:
     log_sd: Reals | None = None
     identified: IdentifiedValues | None = None
     noise: Reals | None = None
+    common: Reals | None = None
 
 
 _IDENTIFIED = "the values come from one identified test, so that the errors of different lines are not independent"

@@ -12,6 +12,7 @@ errors of the model make r larger.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from zlib import crc32
 
 import numpy as np
 
@@ -198,7 +199,7 @@ def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:
     for i in range(_NOISE_DRAWS):
         rng = np.random.default_rng(i)
         drawn = drawn_changes(at.weighted, "noise", rng)
-        changes = [_own_noise(b, rng) if c is None else c for b, c in zip(at.weighted, drawn)]
+        changes = [_own_noise(b, rng, i) if c is None else c for b, c in zip(at.weighted, drawn)]
         noise = np.concatenate([change for change in changes if change is not None])
         sums[i] = noise @ jacobian_rows
         squares[i] = _square_outside(noise, basis)
@@ -214,10 +215,19 @@ def _noise_is_known(block: ResidualBlock) -> bool:
     return block.samples is not None and (block.samples.identified is not None or block.samples.noise is not None)
 
 
-def _own_noise(block: ResidualBlock, rng: np.random.Generator) -> Reals | None:
-    """(n,) errors of the measured values of a block, if their noise is known."""
+def _own_noise(block: ResidualBlock, rng: np.random.Generator, draw: int) -> Reals | None:
+    """(n,) errors of the measured values of a block, if their noise is known.
+
+    Errors that all values of a configuration share are the same in all its blocks of a draw.
+    """
     noise = None if block.samples is None else block.samples.noise
-    return None if noise is None else np.asarray(noise * rng.standard_normal(len(noise)))
+    if block.samples is None or noise is None:
+        return None
+    own, common = noise * rng.standard_normal(len(noise)), block.samples.common
+    if common is None:
+        return np.asarray(own)
+    shared = np.random.default_rng([draw, crc32(block.configuration.encode())])
+    return np.asarray(own + common @ shared.standard_normal(common.shape[1]))
 
 
 def _square_outside(values: Reals, basis: Reals) -> float:

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 
 NAMES = (
     "init", "check", "info", "modes", "view", "respond", "plan", "identify", "correlate", "compare", "select",
-    "quantify", "update", "equalise", "specimens", "screen", "search", "candidates", "bootstrap", "posterior",
-    "live", "vibration", "validate", "write", "judge", "run", "report",
+    "quantify", "intervals", "update", "equalise", "specimens", "screen", "search", "candidates", "bootstrap",
+    "posterior", "live", "vibration", "validate", "write", "judge", "run", "report",
 )  # fmt: skip
 """Folders of the steps, in the order in which they are listed."""
 

@@ -15,6 +15,7 @@ from femtune.steps.candidates.record import CandidatesResults
 from femtune.steps.correlate.record.correlation import CorrelationResults
 from femtune.steps.equalise.record import MappedDamping
 from femtune.steps.info.record.model import ModelFacts, ModelModes, SensorResults
+from femtune.steps.intervals.record import IntervalPredictions
 from femtune.steps.judge.record.judgement import JudgementResults
 from femtune.steps.live.record import LiveResults
 from femtune.steps.modes.record import ModeShapes
@@ -63,6 +64,8 @@ class Results(Record):
     """Frequency responses, complex modes and static displacements, by configuration and model version."""
     plan: PlanResults | None = None
     """A planned test; None if not run. `femtune run` makes none."""
+    intervals: IntervalPredictions | None = None
+    """Extreme frequencies of a box of parameters; None if not run. `femtune run` makes none."""
     screen: ScreenResults | None = None
     """Effects of the parameters by designed runs; None if not run. `femtune run` makes none."""
     search: GlobalSearchResults | None = None

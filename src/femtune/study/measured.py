@@ -173,13 +173,18 @@ def _worst(
 ) -> tuple[set[tuple[int, int]], Notice]:
     """Positions of the FRFs of the worst outputs, or inputs, and the notice of the choice (errors
     ``study.hold-out``)."""
-    from femtune.identification.channel_quality import quality  # noqa: PLC0415  few studies ask for it
+    from femtune.identification import InputKnown  # noqa: PLC0415  few studies ask for it
+    from femtune.identification.channel_quality import quality  # noqa: PLC0415
 
     if one.by == "coherence" and frfs.coherence is None:
         raise FemtuneError(
             "study.hold-out/no-coherence", where=file.where("hold_out", i, "by"), configuration=entry.name
         )
-    ranking = quality(frfs, one.by)
+    table, asked = file.equalise, None
+    if table is not None:
+        asked = InputKnown(table.band_hz, table.largest_order, take=table.take_hz, drop=table.drop_hz)
+    with errors_at(file.where("hold_out", i, "by")):
+        ranking = quality(frfs, one.by, asked)
     channels = "inputs" if ranking.of_inputs else "outputs"
     assert one.worst is not None
     if one.worst >= len(ranking.order):

@@ -15,6 +15,7 @@ from femtune.fem.factors import with_factors
 from femtune.fem.fields import FACTORS, amplitude_ref
 from femtune.fem.generic import GenericGroup, generic_modes, with_generic
 from femtune.fem.offsets import with_offsets
+from femtune.fem.random_field import expansion
 from femtune.files.nastran.building import FieldPlace
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.field_refs import BARS
@@ -26,6 +27,7 @@ from femtune.study.error_places import errors_at
 from femtune.study.parameters import element_centres, elements_of, fields_of, region_of
 
 if TYPE_CHECKING:
+    from femtune.arrays import Integers, Reals
     from femtune.errors import Where
     from femtune.fem.generic import GenericModes
     from femtune.files.nastran.build import BuiltDeck
@@ -91,7 +93,7 @@ def _with_groups(file: StudyFile, built: BuiltDeck, named: list[FieldRef]) -> Bu
 
 def _with_distributions(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
     """The fields that vary over regions; several problems are shown together."""
-    errors, structure = ErrorCollector(), built.structure
+    errors, structure, notices = ErrorCollector(), built.structure, list(built.notices)
     for i, entry in enumerate(file.distribution):
         with errors.catch(), errors_at(file.where("distribution", i)):
             subject = f"distribution {entry.name}"
@@ -101,8 +103,9 @@ def _with_distributions(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
             distribution = _distribution(entry, tuple(dict.fromkeys(fields)), chosen, built)
             structure = with_distribution(structure, distribution)
             _check_range(file, i, distribution)
+            notices += _random_share(entry, distribution, file.where("distribution", i))
     errors.raise_if_any()
-    return replace(built, structure=structure)
+    return replace(built, structure=structure, notices=tuple(notices))
 
 
 _LARGEST_FIELD_FACTOR = 1e4
@@ -172,6 +175,8 @@ def _distribution(
     numbers, centres = element_centres(built)
     keep = np.isin(numbers, list(wanted))
     numbers, centres = numbers[keep], centres[keep]
+    if entry.random is not None:
+        return Distribution(entry.name, fields, numbers, _random(entry, numbers, centres))
     low, size = centres.min(axis=0, initial=np.inf), np.ptp(centres, axis=0) if len(centres) else np.ones(3)
     scaled = 2.0 * (centres - low) / np.where(size > 0.0, size, 1.0) - 1.0
     scaled[:, size == 0.0] = 0.0
@@ -186,6 +191,31 @@ def _distribution(
                     "distribution.function/not-finite", name=entry.name, number=j + 1, element=int(element)
                 ) from error
     return Distribution(entry.name, fields, numbers, functions)
+
+
+_MOST_ELEMENTS = 6000
+"""Elements of a random field at most: their covariance is a dense matrix (288 MB)."""
+
+
+def _random(entry: DistributionEntry, numbers: Integers, centres: Reals) -> Reals:
+    """(m, terms) functions of a random field (error ``distribution.random``)."""
+    assert entry.random is not None
+    field = entry.random
+    if not field.terms <= len(numbers) <= _MOST_ELEMENTS:
+        raise FemtuneError(
+            "distribution.random", name=entry.name, elements=len(numbers), terms=field.terms, most=_MOST_ELEMENTS
+        )
+    return expansion(centres, field.length, field.kernel, field.terms)[0]
+
+
+def _random_share(entry: DistributionEntry, distribution: Distribution, where: Where) -> Iterator[Notice]:
+    """The part of the variance of a random field that its functions hold."""
+    if entry.random is not None:
+        part = float(np.mean(np.sum(distribution.functions**2, axis=1)))
+        yield Notice(
+            "distribution.share", where=where, level="info", name=entry.name, terms=entry.random.terms,
+            percent=100.0 * part,
+        )  # fmt: skip
 
 
 def _eigenvalues(name: str, modes: GenericModes, where: Where) -> Notice:

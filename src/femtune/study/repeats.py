@@ -16,7 +16,6 @@ from femtune.files.uff import read_uff
 from femtune.modal import ModeSet
 from femtune.study.error_places import errors_at
 from femtune.testdata.checks import real_modes
-from femtune.uncertainty import statistics_of_repeats
 from femtune.units import unit_system
 
 if TYPE_CHECKING:
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from femtune.files.study_file import ConfigurationEntry, QuantifyTable
     from femtune.study.cases import StudyCase
     from femtune.study.study import Study
-    from femtune.uncertainty import OutputStatistics
 
 _HIGHEST_HZ = 1e12
 """Frequency above which a number in a table of repeats is refused; its square stays far from overflow."""
@@ -53,11 +51,6 @@ class Repeats:
         """(n, m) repeats of the modes with these labels, in this order."""
         known = self.case.compared.test.labels if self.case.compared is not None else ()
         return self.hz[:, [known.index(label) for label in labels]]
-
-    def statistics(self, labels: tuple[str, ...], table: QuantifyTable) -> OutputStatistics:
-        """Mean and covariance of the modes with these labels, in this order."""
-        names = tuple(f"mode {label}" for label in labels)
-        return statistics_of_repeats(self.of_modes(labels), names, table.missing, table.covariance, checked=False)
 
 
 def read_repeats(study: Study, table: QuantifyTable) -> Repeats:

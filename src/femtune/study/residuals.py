@@ -16,6 +16,7 @@ from femtune.files.study_file.residual import FrfResidual as FrfEntry
 from femtune.identification import InputKnown, check_equalised_lines, equalised_test
 from femtune.kinds import loaded
 from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
+from femtune.residuals.frf.lines import Band
 from femtune.residuals.own import own_residual
 from femtune.study.axes import named_axis, sensor_axis
 from femtune.study.error_places import errors_at
@@ -23,6 +24,7 @@ from femtune.study.error_places import errors_at
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from femtune.arrays import Reals
     from femtune.correlation import SensorPlacement
     from femtune.dofs import DofSet
     from femtune.files.study_file import Comparison, StudyFile
@@ -132,14 +134,16 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
     """
     case = replace(case, placement=placement_of(file, case))
     errors, short, separate = ErrorCollector(), list[Residual](), list[Residual]()
+    lines_hz: Reals | None = None
     with errors.catch():
-        _check_equalised(file, case)
+        lines_hz = _compared_lines(file, case)
     shared: dict[str, EqualisedTest] = {}
     mine = [c for c in file.comparisons if _is_of(c, case)]
     for comparison in mine:
         asked = AskedOf(file, case, comparison, damping, shared)
         with errors.catch(), asked.errors_at():
             _check_keys(file, comparison.entry)
+            _check_band(comparison.entry, lines_hz)
             (short if comparison.short else separate).append(_built(asked))
     errors.raise_if_any()
     # the state that they are asked at says of which configuration it is
@@ -153,13 +157,24 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
     return replace(case, compared=_compared(file, case, residuals, scaled))
 
 
-def _check_equalised(file: StudyFile, case: StudyCase) -> None:
-    """Refuse bands and lines of [equalise] that the test does not have, before anything is identified or solved."""
+def _compared_lines(file: StudyFile, case: StudyCase) -> Reals | None:
+    """Lines from which FRF residuals choose theirs; None without FRFs.
+
+    Bands and lines of [equalise] that the test does not have are refused, before anything is identified or solved.
+    """
     table, compares = file.equalise, any(isinstance(c.entry, FrfEntry) and _is_of(c, case) for c in file.comparisons)
-    if table is None or not compares or case.test is None or case.test.frfs is None:
-        return
+    if not compares or case.test is None or case.test.frfs is None:
+        return None
+    if table is None:
+        return case.test.frfs.freq_hz
     with errors_at(file.where("equalise")):
-        check_equalised_lines(case.test.frfs, table.damping, table.band_hz, table.lines, table.leave_out_hz)
+        return check_equalised_lines(case.test.frfs, table.damping, table.band_hz, table.lines, table.leave_out_hz)
+
+
+def _check_band(entry: object, lines_hz: Reals | None) -> None:
+    """Refuse a band of FRFs without lines (error ``residual.no-frf-lines``)."""
+    if isinstance(entry, FrfEntry) and entry.around == "band" and lines_hz is not None:
+        Band(entry.from_hz, np.inf if entry.to_hz is None else entry.to_hz, entry.most).regions(lines_hz)
 
 
 def _check_keys(file: StudyFile, entry: object) -> None:

@@ -192,6 +192,8 @@ _MOST_ITERATIONS = 40
 """Gauss-Newton iterations for the bounds at most."""
 _TOLERANCE = 1e-8
 """Change of the bounds, in units of the parameters, that is convergence: half of the digits of a double."""
+_SAME_EXTREMES = 1e-8
+"""Relative difference of measured and computed extremes that is convergence as well."""
 _NARROWEST = 1e-9
 """Width of an interval relative to its upper bound, below which rounding decides its sign."""
 
@@ -234,8 +236,10 @@ def interval_update(
         J = _slopes(bounds, ends, k)
         # relative outputs, parameters in widths of the first box
         rows = J * np.tile(scale, 2) / np.abs(target)[:, None]
-        d = np.tile(scale, 2) * np.linalg.lstsq(rows, (target - _extrema(bounds)) / np.abs(target), rcond=1e-8)[0]
-        if np.abs(d / np.tile(scale, 2)).max() <= _TOLERANCE:
+        error = (target - _extrema(bounds)) / np.abs(target)
+        d = np.tile(scale, 2) * np.linalg.lstsq(rows, error, rcond=1e-8)[0]
+        # where two frequencies are equal at an end, its derivatives change from step to step
+        if np.abs(d / np.tile(scale, 2)).max() <= _TOLERANCE or np.abs(error).max() <= _SAME_EXTREMES:
             status = StochasticStatus.CONVERGED if np.linalg.matrix_rank(rows, 1e-6) == 2 * k else (
                 StochasticStatus.UNDETERMINED
             )  # fmt: skip

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.fem.fields import AMPLITUDE
+from femtune.fem.random_field import FieldKernel
 from femtune.files.study_file.kinds import Elements, Expression, FieldText, GroupName, TomlTable
 from femtune.files.study_file.parameter import RegionTable
 from femtune.files.study_file.source import Data, Place, Problems, StudyLines, named_twice, tables, texts
@@ -17,6 +18,18 @@ POSITION = ("x", "y", "z", "u", "v", "w")
 """Variables of the functions: the position of an element, and the same scaled to −1 … 1 over the region."""
 
 
+class RandomFieldTable(TomlTable):
+    """[distribution.random]: the functions are those of the Karhunen-Loève expansion of a random field."""
+
+    length: Annotated[float, Field(gt=0, lt=1e12)]
+    """Correlation length, in units of the deck. Example: `0.25`"""
+    kernel: FieldKernel = "exponential"
+    """Correlation over the distance d of two elements: `"exponential"`, exp(−d/l), or `"gaussian"`, exp(−½(d/l)²).
+    Example: `"gaussian"`"""
+    terms: Annotated[int, Field(ge=1, le=20)] = 4
+    """Number of functions (1 to 20), the largest variance first. Example: `6`"""
+
+
 class DistributionEntry(TomlTable):
     """Fields that are multiplied by 1 + the sum of amplitude times function; see docs/study-file.md."""
 
@@ -24,9 +37,13 @@ class DistributionEntry(TomlTable):
     """Name of the distribution in fields: capital letters and digits. Example: `"THIN"`"""
     fields: Annotated[tuple[FieldText, ...], Field(min_length=1)]
     """Fields that vary, as in `[[parameter]]`. Example: `["PSHELL 3 T"]`"""
-    functions: Annotated[tuple[Expression, ...], Field(min_length=1, max_length=20)]
+    functions: Annotated[tuple[Expression, ...], Field(max_length=20)] = ()
     """Expressions (1 to 20) of the middle of an element: `x`, `y`, `z` in the basic coordinate system, or `u`, `v`,
     `w`, which are the same from −1 to 1 over the region. Example: `["1", "u", "1 - v**2"]`"""
+    random: RandomFieldTable | None = None
+    """In place of `functions`: those of a [random field](theory/parameterisation.md#random-fields) of unit variance, so
+    that the amplitudes are independent and have the relative standard deviation of the field. Example: `{ length =
+    0.25, terms = 6 }`"""
     elements: Elements | None = None
     """Elements for which the fields vary: a text with THRU, BY and EXCEPT, or a list. Default: all that use them.
     Example: `"1 THRU 400"`"""
@@ -39,7 +56,10 @@ def distribution_rules(data: Data, source: StudyLines) -> Problems:
     """Names must be unique, functions depend on position, and amplitudes must exist and be used."""
     entries = list(tables(data, "distribution"))
     yield from named_twice(entries, "study.duplicate-name/earlier", source)
-    counts = {str(e.get("name")): len(texts(e.get("functions"))) for _, e in entries}
+    counts = {str(e.get("name")): _count(e) for _, e in entries}
+    for place, entry in entries:
+        if bool(texts(entry.get("functions"))) == ("random" in entry):
+            yield source.error(place, "distribution.one-kind", {}, name=entry.get("name"))
     named = [(place, p, text.split()) for place, p in tables(data, "parameter") for text in texts(p.get("fields"))]
     named = [(place, p, words) for place, p, words in named if words[:1] == [AMPLITUDE] and len(words) == 3]
     for place, parameter, words in named:
@@ -52,6 +72,15 @@ def distribution_rules(data: Data, source: StudyLines) -> Problems:
         if isinstance(entry.get("name"), str) and entry["name"] not in used:
             yield source.error((*place, "name"), "distribution.unused", {}, name=entry["name"])
         yield from _functions(place, entry, source)
+
+
+def _count(entry: Data) -> int:
+    """Number of functions of a distribution."""
+    field = entry.get("random")
+    if isinstance(field, dict):
+        terms = field.get("terms", RandomFieldTable.model_fields["terms"].default)
+        return terms if isinstance(terms, int) else 0
+    return len(texts(entry.get("functions")))
 
 
 def _amplitude(place: Place, words: list[str], counts: dict[str, int], source: StudyLines) -> Problems:

@@ -138,6 +138,10 @@ class PlanTable(TomlTable):
     `"linear"`"""
     frf_lines: Annotated[int, Field(ge=1, le=100_000)] | None = None
     """Number of the calibration lines that are chosen for the parameters. Default: all are compared. Example: `40`"""
+    identification_lines: Annotated[int, Field(ge=4, le=2000)] | None = None
+    """Number of frequency lines for an identification with stepped sines: those are chosen from which the poles of the
+    target modes follow with the least variance, at `damping_ratio`. It needs exciters. Default: none are chosen.
+    Example: `80`"""
     exciters: Annotated[int, Field(ge=0, le=100)] = 0
     """Number of exciters to place. Example: `2`"""
     exciters_placed: tuple[DofLabel, ...] = ()

@@ -14,6 +14,7 @@ from femtune.files.study_file.component import component_rules
 from femtune.files.study_file.derived import derived_rules
 from femtune.files.study_file.distribution import distribution_rules
 from femtune.files.study_file.equalise import equalise_rules
+from femtune.files.study_file.intervals import interval_rules
 from femtune.files.study_file.matrices import generic_rules, matrix_rules
 from femtune.files.study_file.modes import modes_rules
 from femtune.files.study_file.over_frequency import frequency_table_rules
@@ -53,6 +54,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from candidate_rules(data, source)
     yield from specimen_rules(data, source)
     yield from screen_rules(data, source)
+    yield from interval_rules(data, source)
     yield from search_rules(data, source)
     yield from vibration_rules(data, source)
     yield from generic_rules(data, source)

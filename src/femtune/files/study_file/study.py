@@ -19,6 +19,7 @@ from femtune.files.study_file.derived import DerivedEntry
 from femtune.files.study_file.distribution import DistributionEntry
 from femtune.files.study_file.equalise import EqualiseTable
 from femtune.files.study_file.info import ChecksTable
+from femtune.files.study_file.intervals import IntervalsTable
 from femtune.files.study_file.kinds import SchemaVersion, TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.modes import ModesTable
@@ -119,6 +120,7 @@ class StudyFile(TomlTable):
     reduction: ReductionTable | None = None
     stage: tuple[StageEntry, ...] = ()
     plan: PlanTable | None = None
+    intervals: IntervalsTable | None = None
     screen: ScreenTable | None = None
     search: SearchTable | None = None
     candidates: CandidatesTable | None = None

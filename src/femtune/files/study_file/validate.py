@@ -36,8 +36,9 @@ class HoldOutEntry(TomlTable):
     """Hold out the FRFs of so many outputs, the worst ones; a notice names them. If the test has one output and several
     inputs, they are the worst inputs. Example: `18`"""
     by: ChannelRule | None = None
-    """What makes a channel bad: the lowest mean `"coherence"`, or the highest relative `"noise"` between neighbouring
-    lines. Default: coherence if the test has it. Example: `"noise"`"""
+    """What makes a channel bad: the lowest mean `"coherence"`, the highest relative `"noise"` between neighbouring
+    lines, or the largest error of an identified system (`"fit"`, with the options of [`[equalise]`](#equalise)).
+    Default: coherence if the test has it. Example: `"fit"`"""
 
 
 class ValidateTable(TomlTable):

@@ -29,6 +29,9 @@ from femtune.residuals.frf.residual import FrfResidual, Places
 from femtune.residuals.frf.scatter import FrfScatter, relative_sd
 from femtune.residuals.frf.truncation import with_enough_modes
 
+_TOGETHER = 10.0
+"""Root of the number of values whose common error counts as much as that of one: parameters follow the sum of errors of
+one sign, and a tenth of the noise of single values is too much for thousands of them."""
 _POOR = 0.1
 """Relative error of an identified system above which modes may be missing in it."""
 
@@ -77,8 +80,10 @@ class AskedFrfs(AtFirstState):
             lines = _lines(entry, state)[0]
             found = raw_residual(residual, identified, measured, lines, scatter, damping, test.left_out_hz)
             assert found.noise is not None
-            # what is small beside the stated standard deviations may be large beside the noise of all lines
-            enough, _ = with_enough_modes(replace(found, sd=found.sd * found.noise, noise=None), state)
+            # what is small beside the stated standard deviations may be large beside the noise of all lines together
+            values = 2 * int(np.isfinite(found.sd).sum())
+            least = found.sd * found.noise * min(1.0, _TOGETHER / np.sqrt(max(values, 1)))
+            enough, _ = with_enough_modes(replace(found, sd=least, noise=None), state)
             return replace(found, way=enough.way)
 
         return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)), raw=raw)

@@ -183,6 +183,8 @@ class FrfResidual(Residual):
     damped_by : the identified test whose damping ratios the modes of the model have; None if there is none
     noise : (outputs, inputs, lines) standard deviations of the values by the noise that an identification has found,
         over `sd`; None if it is not known
+    common : for each block, (values, q) change with q independent errors of unit variance that all values share; empty
+        without such errors
     """
 
     configuration: str
@@ -197,6 +199,7 @@ class FrfResidual(Residual):
     left_out: LeftOutModes | None = None
     damped_by: RedrawnTest | None = field(default=None, repr=False)
     noise: Reals | None = field(default=None, repr=False)
+    common: tuple[Reals, ...] = field(default=(), repr=False)
     key = "frf"
     label = "frf"
     # a reduced model of modes has no residual vectors for the forces and no damping of its own
@@ -350,7 +353,7 @@ class FrfResidual(Residual):
         parts, places, total = list[_Part](), list[Integers](), sum(int(at.sum()) for _, at in self._parts)
         halves = 1 if self.form == "log-magnitude" else 2
         begun = 0
-        for label, at in self._parts:
+        for number, (label, at) in enumerate(self._parts):
             compared_rows, sd, n = np.flatnonzero(at), self.sd[at], int(at.sum())
             # logarithms are relative already
             size = np.abs(self.measured.values[at]) if self.form == "linear" else 1.0
@@ -359,7 +362,9 @@ class FrfResidual(Residual):
             lines, sd = np.tile(self.measured.freq_hz[np.nonzero(at)[2]], halves), np.tile(sd, halves)
             entry, log_sd = np.tile(np.arange(n), halves), None if self.form == "linear" else sd
             noise = None if self.noise is None else np.tile(self.noise[at], halves)
-            samples = LineSamples(lines, entry, log_sd, self._identified(at), noise)
+            samples = LineSamples(
+                lines, entry, log_sd, self._identified(at), noise, self.common[number] if self.common else None
+            )
             parts.append(_Part(label, rows, slice(halves * begun, halves * (begun + n)), scale, samples))
             places.append(compared_rows)
             begun += n

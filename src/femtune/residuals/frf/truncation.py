@@ -193,6 +193,7 @@ def _at_lines(residual: FrfResidual, at: Integers) -> FrfResidual:
         regions=tuple(r for r in regions if r.at.size),
         shift=None,
         noise=None,
+        common=(),
     )
 
 

@@ -35,8 +35,7 @@ from femtune.selection.combinations import listed
 from femtune.selection.evidence import LinearFit
 from femtune.selection.minimax import smallest_largest
 from femtune.status import Status
-from femtune.steps.candidates.instances import Limit
-from femtune.steps.candidates.instances import Population as Instances
+from femtune.steps.candidates.instances import InstancePopulation, Limit
 from femtune.steps.candidates.record import (
     CandidateResults,
     CandidatesResults,
@@ -445,7 +444,9 @@ def _with_instances(
         if records[i].problem or not candidate.parameters:
             continue
         study = work._study(candidate)
-        population = Instances(study, study.problem(), candidate.parameters, np.array(fit["end"]), limit, work.progress)
+        population = InstancePopulation(
+            study, study.problem(), candidate.parameters, np.array(fit["end"]), limit, work.progress
+        )
         instances = population.results(table.instances, table.seed, f"candidates/instances/{i}", arrays)
         records[i] = records[i].model_copy(update={"instances": instances})
     sentences = [
@@ -727,9 +728,9 @@ def _fit(calibration: Found, parameters: ParameterSet, within: Sequence[Found]) 
     """`within` are the candidate and those that it contains: what one of them reaches, the candidate reaches too."""
     place = np.array([calibration["values"][p.name] / p.scale for p in parameters.free])
     moving = len(calibration["slope"])
-    parts = [np.array(calibration[key], float) for key in ("slope", "lower", "upper", "prior_mean")]
+    slope, lower, upper, mean = (np.array(calibration[key], float) for key in ("slope", "lower", "upper", "prior_mean"))
     sd = np.array([np.inf if s is None else s for s in calibration["prior_sd"]], float)
-    linear = LinearFit(np.array(calibration["curvature"], float).reshape(moving, moving), *parts, sd)
+    linear = LinearFit(np.array(calibration["curvature"], float).reshape(moving, moving), slope, lower, upper, mean, sd)
     return CandidateFit(
         calibration["chi2"], calibration["residuals"], calibration["rank"], linear,
         place, min(map(_least_of, within)), min(f["error"] for f in within),

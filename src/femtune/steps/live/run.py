@@ -64,8 +64,10 @@ _ABOVE = 6
 """Modes above the wanted ones that are taken there: at other points they become some of these."""
 _TRAINING = 6
 """The same for the first basis where the full model is solved, together with `_TRAINING` corners."""
-_REGION_TARGET, _BOUNDS_TARGET = 3e-5, 3e-4
-"""Relative frequency errors at which the order is large enough: a third of what a page should keep."""
+_REGION_TARGET = 3e-5
+"""Relative frequency error in the region at which the order is large enough: a third of what a page should keep."""
+_BOUNDS_TARGET = 3e-4
+"""The same in the bounds."""
 _LEVEL = 0.95
 _SHOWN = 20
 """Models that the data allow, of those that a page shows."""
@@ -80,6 +82,7 @@ _ORDERS = 1.25
 _DRAWN = 1e-3
 """Part of a motion that drawing may leave out."""
 _SEED = 36
+"""Of the points, so that a study gives the same page again."""
 
 
 def live_results(

@@ -44,6 +44,9 @@ STEP = Step(
             ),
             click.Option(["--csv"], type=FILE, metavar="FILE", help="Write a table of the sensors."),
             click.Option(
+                ["--lines"], type=FILE, metavar="FILE", help="Write the lines for an identification, in Hz, one a row."
+            ),
+            click.Option(
                 ["--units"], metavar="m-kg-s", help="Units, if a deck is given instead of a study; for --uff."
             ),
             click.Option(

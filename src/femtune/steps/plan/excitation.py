@@ -13,8 +13,9 @@ from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.errors import FemtuneError, Where
 from femtune.files.study_file.kinds import number_list
 from femtune.planning import calibration_lines, driving_point_levels, mode_indicator, place_exciters, record_length
+from femtune.planning.lines_for_poles import PoleLines
 from femtune.steps.modes.shapes import grid_translations
-from femtune.steps.plan.record import ModeExcitation, PlannedExciter, PlannedLines
+from femtune.steps.plan.record import LinesForPoles, ModeExcitation, PlannedExciter, PlannedLines, PlannedPoleLines
 from femtune.study.error_places import errors_at
 
 if TYPE_CHECKING:
@@ -214,6 +215,26 @@ def frequency_lines(table: PlanTable, elastic_hz: Reals, arrays: dict[str, Reals
         calibration_key="plan/calibration_lines", spacing_hz=record.spacing_hz, duration_s=record.duration_s,
         decay_s=record.decay_s, identification_lines=record.lines,
     )  # fmt: skip
+
+
+def pole_lines_record(
+    found: Sequence[PoleLines], relative: float, floor: float, arrays: dict[str, Reals]
+) -> PlannedPoleLines:
+    """Lines for an identification as a record; their frequencies go into `arrays`."""
+    out = []
+    for one in found:
+        key = f"plan/identification_lines/{one.spacing.replace(' ', '_')}"
+        arrays[key] = one.lines_hz
+        known = bool(np.isfinite(one.relative_sd).all())
+        out.append(
+            LinesForPoles(
+                spacing=one.spacing,
+                rms_percent=100.0 * one.root_mean_square if known else None,
+                largest_percent=100.0 * float(one.relative_sd.max()) if known else None,
+                lines_key=key,
+            )
+        )
+    return PlannedPoleLines(lines=len(found[0].lines_hz), relative_sd=relative, floor=floor, spacings=tuple(out))
 
 
 def _vector(values: Reals) -> Vector3:

@@ -17,6 +17,9 @@ from femtune.steps.respond.run import check_places
 from femtune.testdata import WireFrame
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from femtune.arrays import Reals
     from femtune.steps.plan.record import PlannedExciter, PlannedSensor, PlanResults
     from femtune.study.study import Study
 
@@ -25,15 +28,16 @@ _COLUMNS = ("name", "kind", "node", "dofs", "x", "y", "z", "direction_x", "direc
 
 @dataclass(frozen=True)
 class PlanFiles:
-    """Paths of the Universal File and of the table (CSV); None for a file that is not wanted."""
+    """Paths of the Universal File, of the table (CSV) and of the list of lines; None for a file that is not wanted."""
 
     uff: Path | None = None
     csv: Path | None = None
+    lines: Path | None = None
 
     @property
     def written(self) -> tuple[Path, ...]:
         """The files that are wanted."""
-        return tuple(path for path in (self.uff, self.csv) if path is not None)
+        return tuple(path for path in (self.uff, self.csv, self.lines) if path is not None)
 
 
 NO_FILES = PlanFiles()
@@ -53,16 +57,25 @@ def check_plan_files(study: Study, files: PlanFiles, page: Path | None) -> None:
         check_places(study, wanted, files.uff)
 
 
-def write_plan_files(study: Study, record: PlanResults, files: PlanFiles) -> None:
-    """Write them (errors ``uff.cannot-write``, ``run.unwritable``)."""
+def write_plan_files(study: Study, record: PlanResults, files: PlanFiles, arrays: Mapping[str, Reals]) -> None:
+    """Write them (errors ``uff.cannot-write``, ``run.unwritable``, ``plan.pole-lines``)."""
     if files.uff is not None:
         write_uff_geometry(files.uff, sensor_frame(record), study.file.study.unit_system)
     if files.csv is not None:
-        try:
-            write_whole(files.csv, sensor_table(record).encode())
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise FemtuneError("run.unwritable/table", where=Where(str(files.csv)), reason=reason) from error
+        _write(files.csv, sensor_table(record))
+    if files.lines is not None:
+        of = record.pole_lines
+        if of is None:
+            raise FemtuneError("plan.pole-lines/not-wanted", where=Where(str(files.lines)))
+        _write(files.lines, "".join(f"{hertz:.9g}\n" for hertz in arrays[of.spacings[-1].lines_key]))
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        write_whole(path, text.encode())
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FemtuneError("run.unwritable/table", where=Where(str(path)), reason=reason) from error
 
 
 def sensor_frame(record: PlanResults) -> WireFrame:

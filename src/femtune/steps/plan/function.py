@@ -22,6 +22,7 @@ def plan(
     *,
     uff: Path | str | None = None,
     csv: Path | str | None = None,
+    lines: Path | str | None = None,
     units: str | None = None,
     report: Path | str | None = None,
     fresh: bool = False,
@@ -35,6 +36,8 @@ def plan(
     source : as for `info`
     uff : Universal File to write, with the measured points, their axes and trace lines for the test system
     csv : table of the sensors to write
+    lines : text file to write, with the frequencies in Hz of the best lines for an identification, one a row; with
+        ``identification_lines`` of [plan]
     units : length-mass-s of a deck, required for a Universal File
     report : HTML page to write, with a picture of the sensors
     fresh : ignore the journal of an earlier run of the study and solve everything again
@@ -64,6 +67,6 @@ def plan(
     from femtune.steps.plan.run import plan_test  # noqa: PLC0415
 
     page = checked_page(report)
-    files = PlanFiles(*(None if path is None else Path(path) for path in (uff, csv)))
+    files = PlanFiles(*(None if path is None else Path(path) for path in (uff, csv, lines)))
     result = plan_test(source_of(source), options, progress, fresh=fresh, files=files, units=units, page=page)
     return with_page(result, page, progress)

@@ -236,7 +236,25 @@ def plan_setup(source: ReportSource) -> list[Block]:
 
 def setup_blocks(plan: PlanResults, units: str) -> list[Block]:
     """Frequency lines in sentences; tables of shifts."""
-    return [*_lines(plan), *_loading(plan, units), *_suspension(plan)]
+    return [*_lines(plan), *_pole_lines(plan), *_loading(plan, units), *_suspension(plan)]
+
+
+def _pole_lines(plan: PlanResults) -> list[Block]:
+    of = plan.pole_lines
+    if of is None:
+        return []
+    heads = columns("Spacing", ">Root mean square %", ">Largest %", "Array")
+    rows = [
+        row(one.spacing, NONE if one.rms_percent is None else short(one.rms_percent),
+            NONE if one.largest_percent is None else short(one.largest_percent), one.lines_key)
+        for one in of.spacings
+    ]  # fmt: skip
+    note = (
+        "Standard deviation of the poles of the target modes, over their half bandwidth ζω, that noise of "
+        f"{short(100.0 * of.relative_sd)} % of each value and {short(100.0 * of.floor)} % of the largest one of its "
+        "FRF makes; — : some pole is not determined."
+    )
+    return [Table(f"{counted(of.lines, 'line')} for an identification", heads, tuple(rows), note)]
 
 
 def _lines(plan: PlanResults) -> list[Block]:

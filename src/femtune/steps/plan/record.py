@@ -86,6 +86,33 @@ class PlannedLines(Record):
     """Number of even lines between the two frequencies."""
 
 
+class LinesForPoles(Record):
+    """Frequency lines of one kind of spacing for an identification."""
+
+    spacing: str
+    """How they are spaced, in words."""
+    rms_percent: float | None
+    """Root mean square over the target modes of the standard deviation of a pole over its half bandwidth ζω, in %; None
+    where some pole is not determined."""
+    largest_percent: float | None
+    """The largest one, in %."""
+    lines_key: str
+    """Key of the lines, Hz, shape (lines,)."""
+
+
+class PlannedPoleLines(Record):
+    """Lines of the same number for an identification, by their spacing; the last ones are those of least variance."""
+
+    lines: int
+    """Number of lines."""
+    relative_sd: float
+    """Assumed standard deviation of real and imaginary part, relative to the magnitude."""
+    floor: float
+    """The same, relative to the largest magnitude of each function."""
+    spacings: tuple[LinesForPoles, ...]
+    """All spacings."""
+
+
 class LoadedMode(Record):
     """Effect of the masses of the sensors on a target mode."""
 
@@ -247,6 +274,8 @@ class PlanResults(Record):
     """How the target modes are excited; empty without exciters."""
     frequency_lines: PlannedLines | None = None
     """Frequency lines; None if all target modes are rigid-body motions."""
+    pole_lines: PlannedPoleLines | None = None
+    """Lines of a given number for an identification; None if the study has no `identification_lines`."""
     sensor_mass: float = 0.0
     """Mass of all sensors, in the study's unit of mass."""
     loading: tuple[LoadedMode, ...] = ()

@@ -86,6 +86,12 @@ class PlanResult(ResultWithPage):
         return None if functions is None or functions.lines_key is None else self.arrays[functions.lines_key]
 
     @property
+    def identification_lines(self) -> NDArray[np.float64] | None:
+        """(lines,) in Hz, from which the poles follow with the least variance; None where none are wanted."""
+        lines = self.record.pole_lines
+        return None if lines is None else self.arrays[lines.spacings[-1].lines_key]
+
+    @property
     def auto_mac(self) -> NDArray[np.float64]:
         """(m, m) AutoMAC of the target modes at the sensors."""
         return self.arrays[self.record.auto_mac_key]

@@ -18,6 +18,7 @@ from femtune.files.study_file.kinds import number_list
 from femtune.model.response.rigid import is_rigid
 from femtune.planning import information_of, mesh_distances, outcome_of, rank_of, set_independence, trace_lines
 from femtune.planning.kinds import PLACEMENT_METHODS
+from femtune.planning.lines_for_poles import PoleTest, pole_lines
 from femtune.residuals.frf.scatter import relative_sd
 from femtune.steps.held_folder import held_for_solver
 from femtune.steps.info.facts import model_modes
@@ -25,10 +26,25 @@ from femtune.steps.modes.shapes import grid_translations, mode_shapes
 from femtune.steps.plan.candidates import Sites, SiteSensor, accessible_rows, moving, sites_of, surface_mesh
 from femtune.steps.plan.design import Designer, PlannedDesign
 from femtune.steps.plan.effects import mass_loading, sensor_masses, suspension_effect
-from femtune.steps.plan.excitation import Excitation, Exciter, exciter_records, frequency_lines, mode_excitation
+from femtune.steps.plan.excitation import (
+    Excitation,
+    Exciter,
+    exciter_records,
+    frequency_lines,
+    mode_excitation,
+    pole_lines_record,
+)
 from femtune.steps.plan.files import NO_FILES, PlanFiles, check_plan_files, write_plan_files
 from femtune.steps.plan.parameters import expected_parameters
-from femtune.steps.plan.record import PlannedFunctions, PlannedSensor, PlannedSet, PlanResults, TargetMode
+from femtune.steps.plan.record import (
+    PlannedFunctions,
+    PlannedLines,
+    PlannedPoleLines,
+    PlannedSensor,
+    PlannedSet,
+    PlanResults,
+    TargetMode,
+)
 from femtune.steps.plan.result import PlanResult
 from femtune.steps.plan.sensors import PlacedSensors, candidate_shapes, given_sensors
 from femtune.steps.results import Results
@@ -113,7 +129,7 @@ def plan_test(
     with watch.step("sensors"), errors_at(study.file.where("plan")):
         plan = _Plan(looked_up.study, case, solution, table, progress)
         record = plan.record(arrays)
-    write_plan_files(study, record, files)
+    write_plan_files(study, record, files, arrays)
     facts = study_facts(study)
     results = Results(
         provenance=provenance(inputs, watch),
@@ -274,6 +290,7 @@ class _Plan:
         sensors = self._sensors(placed.sensors)
         setup = self._setup(placed.sensors, sensors, design.excitation)
         setup["frequency_lines"] = lines
+        setup["pole_lines"] = self._pole_lines(placed.sensors, design.excitation, lines, arrays)
         setup |= self._expected(design, lines_hz, arrays)
         return PlanResults(
             configuration=self.case.name,
@@ -351,6 +368,31 @@ class _Plan:
             self.study, case, solution, targets.positions, targets.rigid, sensors, masses
         )  # fmt: skip
         return fields
+
+    def _pole_lines(
+        self,
+        sensors: tuple[SiteSensor, ...],
+        excitation: Excitation | None,
+        lines: PlannedLines | None,
+        arrays: dict[str, Reals],
+    ) -> PlannedPoleLines | None:
+        """Lines from which the poles of the elastic target modes follow, by their spacing."""
+        table, elastic = self.table, ~self.targets.rigid
+        if table.identification_lines is None or lines is None:
+            return None
+        where = self.study.file.where("plan", "identification_lines")
+        if excitation is None:
+            raise FemtuneError("plan.pole-lines/no-exciters", where=where)
+        outputs = np.concatenate([s.shapes for s in sensors])[:, elastic]
+        inputs = np.array([e.shape for e in excitation.exciters])[:, elastic]
+        hertz = self.solution.freq_hz[self.targets.positions][elastic]
+        relative = relative_sd(table.frf_sd, table.frf_floor)
+        residues = (outputs[:, None] * inputs).reshape(-1, len(hertz))
+        test = PoleTest(hertz, np.full(len(hertz), table.damping_ratio), residues, relative, table.frf_floor)
+        self.progress.step("lines for an identification", 0, None)
+        with errors_at(where):
+            found = pole_lines(test, lines.low_hz, lines.high_hz, table.identification_lines)
+        return pole_lines_record(found, relative, table.frf_floor, arrays)
 
     def _all_modes(self, where: Sequence[SiteSensor | Exciter]) -> Reals:
         """(rows, n) all wanted modes along the directions of sensors or exciters."""

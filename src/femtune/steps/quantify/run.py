@@ -126,16 +126,22 @@ def check_quantify(study: Study, repeats: Repeats, x: Reals) -> None:
 def _prepared(study: Study, table: QuantifyTable, repeats: Repeats, start: Reals) -> _Prepared:
     held = _held(table, len(repeats.hz))
     outputs = _outputs(study, repeats, start)
-    rows = repeats.of_modes(outputs.modes)
-    used: FrequencyOutputs | ShapeOutputs = outputs
-    if table.shapes:
-        whole = shape_outputs(outputs.problem, start)
-        entries = _shapes_of(repeats, whole)
-        # entries at nodes of a shape and out of its plane are rounding errors
-        kept = np.flatnonzero(np.nan_to_num(np.nanstd(entries, axis=0)) > _LEAST_SHAPE_SD)
-        used = replace(whole, kept=tuple(int(i) for i in kept))
-        rows = np.hstack([rows, entries[:, kept]])
+    used, rows = _compared_outputs(table, repeats, outputs, start)
     return _Prepared(outputs, used, rows, held, _with_noise(_statistics(rows[~held], used, table), used, table))
+
+
+def _compared_outputs(
+    table: QuantifyTable, repeats: Repeats, outputs: FrequencyOutputs, start: Reals
+) -> tuple[FrequencyOutputs | ShapeOutputs, Reals]:
+    """Frequencies, with the shapes if the study compares them, and their rows (n, m) of all repeats."""
+    rows = repeats.of_modes(outputs.modes)
+    if not table.shapes:
+        return outputs, rows
+    whole = shape_outputs(outputs.problem, start)
+    entries = _shapes_of(repeats, whole)
+    # entries at nodes of a shape and out of its plane are rounding errors
+    kept = np.flatnonzero(np.nan_to_num(np.nanstd(entries, axis=0)) > _LEAST_SHAPE_SD)
+    return replace(whole, kept=tuple(int(i) for i in kept)), np.hstack([rows, entries[:, kept]])
 
 
 def quantify_at(
@@ -418,8 +424,8 @@ def distances_at(study: Study, x: Reals) -> CosineDistances | str:
     theta = np.asarray(study.parameters.denormalise(x))
     try:
         repeats = read_repeats(study, table)
-        outputs = _outputs(study, repeats, theta)
-        measured = repeats.statistics(outputs.modes, table)
+        outputs, rows = _compared_outputs(table, repeats, _outputs(study, repeats, theta), theta)
+        measured = _statistics(rows, outputs, table)
         G = outputs.linearised(theta)[1]
         near = _from_covariance(measured, G, theta, tuple(p.name for p in study.parameters.free))
     except FemtuneError as error:

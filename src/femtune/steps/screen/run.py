@@ -146,7 +146,7 @@ def finished_runs(study: Study, responses: Sequence[str]) -> _Finished:
         raise FemtuneError("screen.no-response", hint=hint, name=unknown[0], known=", ".join(others) or "none")
     points = table.points(names)
     values = np.column_stack([table.freq_hz, *(table.columns[name] for name in responses)])
-    good = np.isfinite(values).all(axis=1) & np.isfinite(points).all(axis=1)
+    good = np.asarray(np.isfinite(values).all(axis=1) & np.isfinite(points).all(axis=1))
     if not good.any():
         raise FemtuneError("screen.all-failed", runs=len(values), reason="no run has all values")
     return _Finished(study, method_of_table(points[good]), points, values, good, case.name, tuple(responses))

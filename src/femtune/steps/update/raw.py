@@ -13,8 +13,8 @@ from femtune.model import EigenSolution, damping_by_mode
 from femtune.residuals import CaseState, Residual, UpdateProblem
 from femtune.residuals.frf.asked import AskedFrfs
 from femtune.residuals.frf.measured_damping import MeasuredDamping, measured_damping
+from femtune.residuals.frf.refined_damping import with_refined_damping
 from femtune.residuals.frf.residual import FrfResidual
-from femtune.residuals.frf.unpaired_damping import with_unpaired_damping
 from femtune.study.stages import reduction_rules
 from femtune.updating import update, update_reduced
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 _MORE_MODES = 3
 """Further ratios for each mode of the comparison with equal damping: the measured FRFs may need more modes."""
+_LEAST_ROUNDS = 2
+"""Updates on the full model at least."""
 _MOST_ROUNDS = 3
 """Updates with measured FRFs: each begins with the pairs of modes where the one before has ended, until they stay."""
 
@@ -42,6 +44,7 @@ class RawUpdate:
     damping : measured damping on the modes of the model where it began, by configuration
     search : the reduced models at its end, where there are some
     reduced : the update on reduced models; None without them
+    rounds : number of updates with measured FRFs, one after another
     """
 
     result: UpdateResult
@@ -50,6 +53,7 @@ class RawUpdate:
     damping: Mapping[str, MeasuredDamping]
     search: ReducedSearch | None = None
     reduced: ReducedUpdate | None = None
+    rounds: int = 1
 
 
 def then_raw(
@@ -124,7 +128,9 @@ def another_round(
     """
     states = {s.case.name: s for s in start.after.states}
     damping = _damping_at(study, start)
-    if before is not None and _same_partners(damping, before.damping):
+    # ratios that were fitted where the comparison with equal damping ended are fitted once more, from a better point
+    least = 1 if reduced is not None else _LEAST_ROUNDS
+    if before is not None and before.rounds >= least and _same_partners(damping, before.damping):
         return None
     cases, raw = [], dict[int, FrfResidual]()
     for case in study.cases:
@@ -156,7 +162,7 @@ def another_round(
     history = tuple(replace(i, functions=()) for i in updated.history)
     whole = tuple(replace(i, number=n) for n, i in enumerate((*start.history, *history)))
     result = replace(updated, before=first, history=whole, number=len(start.history) + updated.number)
-    return RawUpdate(result, on_raw, equalised, damping, search, on_reduced)
+    return RawUpdate(result, on_raw, equalised, damping, search, on_reduced, 1 if before is None else before.rounds + 1)
 
 
 def is_settled(study: Study, raw: RawUpdate) -> bool:
@@ -210,8 +216,7 @@ def _with_raw(
 
     Parameters
     ----------
-    fitted : whether ratios of unpaired modes near the band are found from the measured FRFs, which needs derivatives
-        of the full model
+    fitted : whether the ratios are refined by the measured FRFs, which needs derivatives of the full model
     """
     out = list[Residual]()
     paired = [model for _, model in damping.partners]
@@ -225,9 +230,10 @@ def _with_raw(
             now = asked.raw(residual, damping.identified, state, damping_by_mode(ratios.tolist()))
             modes = now.way.model(state, now.highest_hz)
             if fitted and isinstance(modes, EigenSolution):
-                own, _ = with_unpaired_damping(now, modes, ratios[: modes.wanted], paired)
-                ratios = np.append(own, others)
-                now = replace(now, way=replace(now.way, damping=damping_by_mode(ratios.tolist())))
+                refined = with_refined_damping(now, modes, ratios[: modes.wanted], paired)
+                ratios = np.append(refined.ratios, others)
+                way = replace(now.way, damping=damping_by_mode(ratios.tolist()))
+                now = replace(now, way=way, common=refined.common)
             raw[id(residual)] = now
             out.append(now)
         else:
