@@ -34,7 +34,7 @@ if TYPE_CHECKING:
         StaticForceResidual,
         StrainResidual,
     )
-    from femtune.labelled import to_xarray
+    from femtune.labelled import to_inference_data, to_xarray
     from femtune.modal import FrfSet, ModeSet, TimeSeries, mac
     from femtune.status import Status
     from femtune.steps.bootstrap.function import bootstrap
@@ -152,6 +152,7 @@ __all__ = [
     "select",
     "simulate",
     "testing",
+    "to_inference_data",
     "to_xarray",
     "update",
     "validate",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
@@ -178,3 +179,60 @@ def _of_run(result: RunResult, configuration: str | None) -> Parts:
         "free": names,
         "iteration": [row.iteration for row in history],
     }
+
+
+@checked
+def to_inference_data(result: RunResult, seed: int = 0) -> Any:
+    """The samples of a posterior as ``arviz.InferenceData``; requires ArviZ (``pip install "femtune[arviz]"``).
+
+    ArviZ has no weights, so that as many samples of equal weight are drawn: each weighted one as often as its weight
+    asks for, up to the rounding of one random number (systematic resampling).
+
+    Parameters
+    ----------
+    result : of a run with [posterior]
+    seed : of the resampling
+
+    Returns
+    -------
+    arviz.InferenceData with the group ``posterior``: each parameter in its unit, and the sizes of the errors as
+    ``size of …``, of shape (1, draws); the attributes have the evidence, k̂ and the effective number of samples
+
+    Raises
+    ------
+    FemtuneError : ``install.missing`` without ArviZ; ``posterior.none`` without samples
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> free = [ft.Parameter("root", fields=["PBAR 1 I1"], lower=0.5, upper=2.0)]
+    >>> asked = {"noise": "stated", "draws": 100, "starts": 0, "discrepancy": "none"}
+    >>> found = ft.posterior(
+    ...     model, test, parameters=free, residuals=[ft.FrequencyResidual(sd=0.01)], posterior=asked
+    ... )
+    >>> ft.to_inference_data(found).posterior["root"].shape
+    (1, 100)
+    """
+    record = result.results.posterior
+    if record is None:
+        raise FemtuneError("posterior.none")
+    with warnings.catch_warnings():
+        # its announcement of the next version
+        warnings.simplefilter("ignore")
+        from_dict = require("arviz", extra="arviz").from_dict
+    weights, n = np.asarray(result.arrays[record.weights_key]), record.draws
+    at = (np.arange(n) + np.random.default_rng(seed).uniform()) / n
+    chosen = np.minimum(np.searchsorted(np.cumsum(weights), at), n - 1)
+    samples, sizes = result.arrays[record.samples_key][chosen], result.arrays[record.sizes_key][chosen]
+    estimated = [level.residuals for level in record.noise_levels if level.interval_95 is not None]
+    names = [*record.free, *(f"size of {what}" for what in (*estimated, *(c.what for c in record.model_errors)))]
+    values = dict(zip(names, np.hstack([samples, sizes]).T[:, None, :], strict=True))
+    attributes = {
+        "log_evidence": record.log_evidence, "log_evidence_sd": record.log_evidence_sd, "k_hat": record.k_hat,
+        "effective_samples": record.effective, "inference_library": "femtune",
+    }  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return from_dict(posterior=values, attrs=attributes)

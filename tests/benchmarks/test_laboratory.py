@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import sys
 from collections.abc import Iterator
@@ -37,6 +38,17 @@ def test_records_are_the_same_each_time_and_bounds_fall_with_the_hits(modules: d
     ratio = bounds(one, single)[1] / bounds(one, five)[1]
     # five hits of nearly one size, with noise relative to the same rms
     assert ratio == pytest.approx(np.sqrt(5.0), rel=0.25)
+
+
+@pytest.mark.slow
+def test_noise_of_the_force_raises_the_bound_of_sharp_modes(modules: dict[str, ModuleType]) -> None:
+    made, bounds = modules["simulated"], modules["bounds"].bounds
+    one = made.structure(16)
+    test = made.recorded(one, "hammer, 5 hits")
+    without, known = (bounds(one, dataclasses.replace(test, force_sd=part * test.force_sd)) for part in (0.0, 1.0))
+    # 16 responses with 60 dB share the noise of one force with 80 dB
+    assert 1.3 < np.median(known[1] / without[1]) < 2.5
+    assert (known[0] > without[0]).all()
 
 
 def test_what_is_found_is_matched_one_to_one(modules: dict[str, ModuleType]) -> None:

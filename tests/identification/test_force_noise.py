@@ -59,6 +59,7 @@ def test_errors_of_modes_have_the_noise_of_the_force() -> None:
     assert np.sum(np.abs(after) <= 1.96) >= 217
 
 
+@pytest.mark.slow
 def test_a_fit_without_noise_of_the_force_stays() -> None:
     kept = 0
     for seed in range(10):
@@ -78,6 +79,10 @@ def test_with_many_responses_only_the_errors_are_raised(monkeypatch: pytest.Monk
     assert (np.abs(again.poles - fit.poles) > 0.0).all()
     plain, wide, best = (np.sqrt(np.diag(f.pole_covariance)) for f in (fit, raised, again))
     assert (wide > 1.5 * plain).all()
+    # a long record: from a quarter of its lines
+    monkeypatch.setattr(force_noise, "MOST_NUMBERS", whole.frfs.values.size * 2 * 3 // 4)
+    some = np.sqrt(np.diag(with_force_noise(fit, whole).pole_covariance))
+    np.testing.assert_allclose(some, wide, rtol=0.35)
     # the fit with the right weights has smaller errors than the other one
     assert (best < 1.02 * wide).all()
     np.testing.assert_allclose(again.synthesised.values, fit.synthesised.values, rtol=0.05, atol=1e-2)

@@ -140,6 +140,7 @@ def one_hit(seed: int, before: float = 0.0, noise: float = 1e-3) -> TimeSeries:
     return TimeSeries(values, CHANNELS, RATE)
 
 
+@pytest.mark.slow
 def test_a_hit_whose_response_is_cut_has_no_bias() -> None:
     found, plain = [], []
     for seed in range(12):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 import femtune as ft
+from femtune.errors import FemtuneError
 from femtune.steps.posterior.run import POSTERIOR_FILE
 
 from .cantilever import EI, TRUE, Bench
@@ -46,3 +50,34 @@ def test_a_run_with_a_posterior(bench: Bench) -> None:
     assert other.model_dump(exclude=apart) == found.model_dump(exclude=apart)
     for key in (found.samples_key, found.weights_key, found.sizes_key):
         np.testing.assert_array_equal(again.arrays[key], run.arrays[key])
+
+
+def test_samples_for_arviz_have_the_weights_of_the_run(bench: Bench) -> None:
+    with warnings.catch_warnings():
+        # ArviZ announces its next version
+        warnings.simplefilter("ignore")
+        pytest.importorskip("arviz")
+    bench.uff(bench.measure(bench.truth(TRUE)))
+    found = ft.posterior(bench.study(f'{EI}{TABLE}discrepancy = "none"\n'))
+    record = found.results.posterior
+    assert record is not None
+    data = ft.to_inference_data(found)
+    for name, column in zip(record.free, found.arrays[record.samples_key].T):
+        drawn = data.posterior[name].to_numpy().ravel()
+        assert len(drawn) == record.draws
+        mean = float(found.arrays[record.weights_key] @ column)
+        # each sample as often as its weight asks for, within one
+        assert abs(drawn.mean() - mean) < 0.1 * column.std()
+        every, place = np.unique(column, return_inverse=True)
+        wanted = np.bincount(place, found.arrays[record.weights_key]) * record.draws
+        counts = (drawn[:, None] == every).sum(axis=0)
+        assert (np.abs(counts - wanted) < np.bincount(place)).all()
+    assert data.attrs["log_evidence"] == record.log_evidence
+
+
+def test_a_run_without_samples_has_none_for_arviz(bench: Bench) -> None:
+    bench.uff(bench.measure(bench.truth(TRUE)))
+    found = ft.run(bench.study(f"{EI}\n[residuals]\nfrequency_sd = 0.01\n"))
+    with pytest.raises(FemtuneError) as caught:
+        ft.to_inference_data(found)
+    check_shown("posterior.none", caught.value)

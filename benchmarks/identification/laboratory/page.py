@@ -12,6 +12,7 @@ from simulated import AMBIENT_S, BAND, BURSTS, KINDS, RATE, SWEEP_S
 
 Row = dict[str, Any]
 _MEDIAN_OF_NORMAL = 0.6745
+_EARLY = " The run was ended early; of each excitation, its tests are the first of a drawn order."
 
 
 def page(rows: list[Row], wanted: int) -> str:
@@ -23,7 +24,7 @@ def page(rows: list[Row], wanted: int) -> str:
         "# Identification of what laboratories record", "",
         f"Measured on {datetime.now(UTC):%Y-%m-%d} by `make bench-laboratory`: {len(rows)} of {wanted} identifications "
         f"({counts})."
-        + (" The run was ended early; its tests are the first of a drawn order." if len(rows) < wanted else ""), "",
+        + (_EARLY if len(rows) < wanted else ""), "",
         *_about(), "",
         "## Modes", "",
         "| excitation | who | tests | true modes found | in close pairs | not held by the data, found | "
@@ -61,7 +62,8 @@ def _about() -> list[str]:
         "bandwidths of the modes, with 0.3 to 2 times the rms.",
         "",
         f"The data hold a mode if the least standard deviation of its damping ratio is below {HELD:g} of it. This is "
-        "the Cramér-Rao bound, with the true noise and all residues unknown, for known forces; for responses alone it "
+        "the Cramér-Rao bound, with the true noises of responses and force (80 dB below its rms) and all residues "
+        "unknown, for known forces; for responses alone it "
         "is Whittle's, up to 16 channels (with more channels all modes are counted as held). A mode found is true if "
         "its frequency is within half the bandwidth or 0.3 %, and its damping ratio within 100 % or 0.5 % of critical "
         "damping, or both within four times the bound. Modes are matched one to one; all others are false.",

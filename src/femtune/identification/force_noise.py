@@ -27,6 +27,8 @@ CHANCE = 1e-4
 """The force is noisy where chance would explain what the responses share with a smaller probability."""
 MOST_UNKNOWNS = 2500
 """Numbers of all functions up to which the poles are fitted again; with more, only their errors are raised."""
+MOST_NUMBERS = 20_000_000
+"""Slopes of all functions with the poles up to which all lines are used, 320 MB; else errors are from some lines."""
 MOST_STEPS = 8
 """Steps of this fit at most."""
 SMALL = 0.02
@@ -68,6 +70,17 @@ def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] =
     Poles and their covariance are those of the likelihood with the force's noise; residues are fitted for these poles,
     and their own covariances have the part of the force.
     """
+    n, _, k = whole.frfs.values.shape
+    most = MOST_NUMBERS // (2 * n * len(fit.poles))
+    factor = np.sqrt(np.tile(fit.spread, 2))
+    if k > most:
+        now = _lines(fit.poles, whole.thinned(most), terms)
+        noise = _noise(now)
+        if noise is None:
+            return fit
+        # part of the lines has that part of the information
+        covariance = _raised(now, *noise) * len(now.free) / k
+        return replace(fit, pole_covariance=covariance * np.outer(factor, factor))
     now = _lines(fit.poles, whole, terms)
     noise = _noise(now)
     if noise is None:
@@ -78,10 +91,9 @@ def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] =
     else:
         poles, covariance = fit.poles, _raised(now, variance, force)
     m = len(poles)
-    basis, k = modal_basis(whole.frfs.freq_hz, poles, whole.frfs.kind, terms), len(whole.force)
+    basis = modal_basis(whole.frfs.freq_hz, poles, whole.frfs.kind, terms)
     inside = whole.of_functions(now.coefficients, m, len(terms))
     values = inside @ basis.columns.T
-    factor = np.sqrt(np.tile(fit.spread, 2))
     return replace(
         fit,
         poles=poles,

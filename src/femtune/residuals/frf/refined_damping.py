@@ -26,10 +26,16 @@ _STEP = 0.05
 """Relative change of a ratio by which derivatives are found."""
 _STEPS = 3
 """Steps of least squares."""
-_SHRINK, _GROW, _GROW_OUTSIDE = 0.5, 2.0, 10.0
-"""Factors on a ratio in a step at least, and at most inside the band and outside it, where FRFs are linear in it."""
-_PAIRED, _UNPAIRED = 0.1, 1.0
-"""Relative standard deviations of the ratios before the FRFs are used: of paired modes, and of others."""
+_SHRINK = 0.5
+"""Smallest factor on a ratio in a step."""
+_GROW = 2.0
+"""Largest factor on a ratio of a mode inside the band."""
+_GROW_OUTSIDE = 10.0
+"""The same outside it, where FRFs are linear in the ratio."""
+_PAIRED = 0.1
+"""Relative standard deviation of the ratio of a paired mode before the FRFs are used."""
+_UNPAIRED = 1.0
+"""The same of another mode, whose ratio is an assumption."""
 _LEAST = 1e-6
 """Least ratio."""
 _Blocks = Callable[[Reals], list[ResidualBlock]]

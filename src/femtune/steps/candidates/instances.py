@@ -46,7 +46,7 @@ class Limit:
 
 
 @dataclass(frozen=True, eq=False)
-class Population:
+class InstancePopulation:
     """Instances of one candidate.
 
     Parameters

@@ -35,8 +35,7 @@ from femtune.selection.combinations import listed
 from femtune.selection.evidence import LinearFit
 from femtune.selection.minimax import smallest_largest
 from femtune.status import Status
-from femtune.steps.candidates.instances import Limit
-from femtune.steps.candidates.instances import Population as Instances
+from femtune.steps.candidates.instances import InstancePopulation, Limit
 from femtune.steps.candidates.record import (
     CandidateResults,
     CandidatesResults,
@@ -445,7 +444,9 @@ def _with_instances(
         if records[i].problem or not candidate.parameters:
             continue
         study = work._study(candidate)
-        population = Instances(study, study.problem(), candidate.parameters, np.array(fit["end"]), limit, work.progress)
+        population = InstancePopulation(
+            study, study.problem(), candidate.parameters, np.array(fit["end"]), limit, work.progress
+        )
         instances = population.results(table.instances, table.seed, f"candidates/instances/{i}", arrays)
         records[i] = records[i].model_copy(update={"instances": instances})
     sentences = [

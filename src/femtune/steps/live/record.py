@@ -6,6 +6,9 @@ from typing import Literal
 
 from femtune.study.record import Record
 
+LiveQuantity = Literal["frequency", "shape", "mac"]
+"""What a residual of the page compares."""
+
 
 class LiveParameter(Record):
     """A parameter that the reader of the report can change."""
@@ -108,7 +111,7 @@ class LivePart(Record):
 
     kind: str
     """Label of the kind of residual."""
-    quantity: Literal["frequency", "shape", "mac"]
+    quantity: LiveQuantity
     """What is compared."""
     form: str
     """Form of the residual: "frequency" or "eigenvalue"; the scaling of a shape; the form of a MAC."""

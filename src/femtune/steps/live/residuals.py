@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from femtune.residuals import CaseState, Evaluation
     from femtune.residuals.case import PairedMode, Residual
     from femtune.residuals.pair import PairResidual
+    from femtune.steps.live.record import LiveQuantity
 
 _MOST_ENTRIES = 120
 """Entries of a shape up to which a matrix of weights is found."""
@@ -40,7 +41,7 @@ class PagePart:
     """
 
     kind: str
-    quantity: Literal["frequency", "shape", "mac"]
+    quantity: LiveQuantity
     form: str
     test: int
     sd: float
