@@ -32,7 +32,7 @@ NOT_QUICK := $(addprefix examples/cases/,$(addsuffix /run.py,bootstrap_identifie
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-small bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-small bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-live bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -174,6 +174,9 @@ bench-sensors: $(VENV)/.stamp-test  ## how often the places of test points are f
 
 bench-page: $(VENV)/.stamp-test web/node_modules/.stamp  ## size, load time and frames a second of the page against model size; takes minutes
 	@$(ONE_THREAD) $(BIN)/python benchmarks/page/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+bench-live: $(VENV)/.stamp-test web/node_modules/.stamp  ## errors and times of the live model of the report; takes many minutes (BENCH_ARGS=--quick: without the frame)
+	@$(ONE_THREAD) $(BIN)/python benchmarks/page/live.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 FUZZ_PEERS := pyNastran cpylog docopt-ng
 

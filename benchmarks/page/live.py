@@ -57,6 +57,7 @@ class Found:
     said_region: float
     said_bounds: float
     megabytes: float
+    solver_ms: float
     first_ms: float
     least_ms: float
     median_ms: float
@@ -198,12 +199,14 @@ def measured(name: str, path: Path) -> Found:
     page = ft.report(run.folder)
     command = ["node", str(Path(__file__).with_name("live.mjs")), str(ROOT / "web"), str(page), str(INPUTS)]
     times = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    command = ["node", str(Path(__file__).with_name("solve.mjs")), str(ROOT / "web"), str(page)]
+    solver = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     cases, seconds = live.configurations, {d.step: d.duration_s for d in run.results.provenance.durations}
     return Found(
         name, cases[0].dofs, len(live.parameters), cases[0].count, max(c.order for c in cases), live.solutions,
         seconds["live model"], errors(run, study, region_points(run)), errors(run, study, inside),
         max(c.region.frequency_percent if c.region else np.nan for c in cases),
-        max(c.bounds.frequency_percent for c in cases), page.stat().st_size / 1e6, times[0],
+        max(c.bounds.frequency_percent for c in cases), page.stat().st_size / 1e6, max(solver), times[0],
         min(times[1:]), float(np.median(times[1:])), max(times[1:]),
     )  # fmt: skip
 
@@ -217,6 +220,7 @@ ran on the machine, so that the smallest time is nearest to that of a free one.
 - Time: from the change of a slider to the frame after the answer, in headless Chromium at 1280 × 900 pixels and without
   a graphics card; the first one, with the solver not yet compiled, and smallest, median and largest of {inputs} more.
   All configurations are solved.
+- Solver: processor time of a solution in Node, of the slowest configuration.
 - Seconds: of the part of the run that makes the live model, with the solutions of the full model that it needs.
 """
 
@@ -231,14 +235,15 @@ def _lines(found: Sequence[Found]) -> Iterator[str]:
     yield _HOW.format(load=os.getloadavg()[0], processors=os.cpu_count(), points=POINTS, inputs=INPUTS)
     yield (
         "| study | DOFs | parameters | modes | order | solutions | seconds | region, % (said) | bounds, % (said) | "
-        "page, MB | first, ms | smallest, ms | median, ms | largest, ms |"
+        "page, MB | solver, ms | first, ms | smallest, ms | median, ms | largest, ms |"
     )
-    yield "| --- |" + " ---: |" * 13
+    yield "| --- |" + " ---: |" * 14
     for f in found:
         yield (
             f"| {f.name} | {f.dofs:,} | {f.parameters} | {f.modes} | {f.order} | {f.solutions} | {f.seconds:.1f} | "
             f"{f.region_percent:.2g} ({f.said_region:.2g}) | {f.bounds_percent:.2g} ({f.said_bounds:.2g}) | "
-            f"{f.megabytes:.1f} | {f.first_ms:.0f} | {f.least_ms:.0f} | {f.median_ms:.0f} | {f.worst_ms:.0f} |"
+            f"{f.megabytes:.1f} | {f.solver_ms:.1f} | {f.first_ms:.0f} | {f.least_ms:.0f} | {f.median_ms:.0f} | "
+            f"{f.worst_ms:.0f} |"
         )
 
 

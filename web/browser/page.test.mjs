@@ -460,7 +460,9 @@ test("the live model begins at the update, and the policy lets it start its work
 
 test("a slider moves frequencies, χ² and the shape, and goes back to the update", async () => {
   const { page, panel, close } = await live();
-  await panel.scrollIntoViewIfNeeded();
+  assert.equal(await panel.locator("canvas").count(), 0, "the window opens when something is asked");
+  await answered(panel, () => panel.locator("button.show").first().click());
+  await panel.locator("canvas").waitFor();
   const picture = async () => { await settled(page); return panel.locator("canvas").evaluate((c) => c.toDataURL()); };
   const [first, shape] = [await frequencies(panel), await picture()], total = () => panel.locator("table").nth(1).locator("tbody tr").last().locator("td").allTextContents();
   const slider = panel.locator("input[type=range]").first();

@@ -18,22 +18,30 @@ export function cholesky(a: Float64Array, n: number): boolean {
   return true;
 }
 
-/** L⁻¹ M L⁻ᵀ, in place in `m`: columns of both sides one after the other. */
+/** L⁻¹ M L⁻ᵀ, in place in `m`. */
 export function congruent(m: Float64Array, l: Float64Array, n: number): void {
-  const rows = () => {
-    // rows of L⁻¹ M: each row needs those before it
-    for (let i = 0; i < n; i++) {
-      const ri = i * n, d = 1 / l[ri + i];
-      for (let k = 0; k < i; k++) {
-        const f = l[ri + k], rk = k * n;
-        if (f !== 0) for (let j = 0; j < n; j++) m[ri + j] -= f * m[rk + j];
-      }
-      for (let j = 0; j < n; j++) m[ri + j] *= d;
-    }
-  };
-  rows();
+  forward(m, l, n, false);
   transpose(m, n);
-  rows();
+  // the result is symmetric: each row from its diagonal on
+  forward(m, l, n, true);
+  for (let i = 0; i < n; i++) for (let j = 0; j < i; j++) m[i * n + j] = m[j * n + i];
+}
+
+/** Rows of L⁻¹ M, in place: each needs those before it, which are taken four at a time. */
+function forward(m: Float64Array, l: Float64Array, n: number, upper: boolean): void {
+  for (let i = 0; i < n; i++) {
+    const ri = i * n, d = 1 / l[ri + i], from = upper ? i : 0;
+    let k = 0;
+    for (; k + 3 < i; k += 4) {
+      const a = l[ri + k], b = l[ri + k + 1], c = l[ri + k + 2], e = l[ri + k + 3], r0 = k * n, r1 = r0 + n, r2 = r1 + n, r3 = r2 + n;
+      for (let j = from; j < n; j++) m[ri + j] -= a * m[r0 + j] + b * m[r1 + j] + c * m[r2 + j] + e * m[r3 + j];
+    }
+    for (; k < i; k++) {
+      const f = l[ri + k], rk = k * n;
+      for (let j = from; j < n; j++) m[ri + j] -= f * m[rk + j];
+    }
+    for (let j = from; j < n; j++) m[ri + j] *= d;
+  }
 }
 
 function transpose(m: Float64Array, n: number): void {

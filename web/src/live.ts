@@ -65,6 +65,7 @@ export class LivePanel {
   private readonly sensors = h("details", {}, h("summary", {}, "MAC without some sensors"));
   private readonly solved: (Solved | null)[];
   private readonly first: (Solved | null)[];
+  private touched = false;
   private busy = false;
   private waiting = false;
   private id = 0;
@@ -191,24 +192,32 @@ export class LivePanel {
     this.stop();
     this.values[k] = value;
     this.sliders[k].set(value);
+    if (!this.touched) this.openWindow();
     this.ask();
   }
 
   private setAll(value: (p: LiveParameter, k: number) => number): void {
     this.live.parameters.forEach((p, k) => { this.values[k] = value(p, k); this.sliders[k].set(this.values[k]); });
+    if (!this.touched) this.openWindow();
     this.ask();
   }
 
   private choose(): void {
     const c = this.live.configurations[this.at];
     if (!c.pairs.some(([test]) => test === this.test)) this.test = c.pairs[0]?.[0] ?? -1;
-    const k = this.view.scenes.findIndex((s) => s.configuration === c.configuration);
-    document.dispatchEvent(new CustomEvent("femtune:live-window", { detail: { host: this.host, scene: k } }));
+    if (this.touched) this.openWindow();
     this.mass = 0;
     this.fillMasses();
     this.fillSensors();
     this.fill();
     this.ask();
+  }
+
+  /** The window with the moving shape opens when the reader changes something: until then the page has that of the update. */
+  private openWindow(): void {
+    this.touched = true;
+    const { configuration } = this.live.configurations[this.at], scene = this.view.scenes.findIndex((s) => s.configuration === configuration);
+    document.dispatchEvent(new CustomEvent("femtune:live-window", { detail: { host: this.host, scene } }));
   }
 
   /** A point and a mass, where the live model can carry one. */
@@ -289,7 +298,7 @@ export class LivePanel {
       const better = pair && pair.mac !== null && hz !== null ? this.better(now!, test, pair.column, pair.mac) : null;
       const cell = (text: string) => h("td", { class: "right" }, text);
       const head = hz !== null && this.view.scenes.some((s) => s.configuration === c.configuration && s.live)
-        ? h("button", { type: "button", class: "show", "aria-pressed": String(test === this.test), "aria-label": `Show the shape of test mode ${label}`, click: () => { this.test = test; this.ask(); } }, label) : label;
+        ? h("button", { type: "button", class: "show", "aria-pressed": String(test === this.test), "aria-label": `Show the shape of test mode ${label}`, click: () => { this.test = test; this.openWindow(); this.ask(); } }, label) : label;
       return h("tr", { class: test === this.test ? "chosen" : "" }, h("th", { scope: "row" }, head), cell(shown(c.test_freq_hz[test])),
         cell(before && before.column >= 0 ? shown(first!.freq_hz[before.column], 5) : "–"), cell(hz === null ? "–" : shown(hz, 5)), cell(error === null ? "–" : signed(error)),
         h("td", { class: "right" }, pair?.mac == null ? "–" : pair.mac.toFixed(3), better === null ? null : h("small", {}, ` mode ${better + 1} is more alike`)));

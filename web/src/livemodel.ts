@@ -136,7 +136,8 @@ export class LiveModel {
     });
     const a = new Float64Array(n * n), m = new Float64Array(n * n), rows = added && this.massRows ? [0, 1, 2].map((d) => this.massRows!.subarray((3 * added.point + d) * n, (3 * added.point + d + 1) * n)) : [];
     for (let i = 0, at = 0; i < n; i++) for (let j = i; j < n; j++, at++) {
-      const more = rows.reduce((sum, r) => sum + r[i] * r[j], 0) * (added?.mass ?? 0);
+      let more = 0;
+      for (const r of rows) more += added!.mass * r[i] * r[j];
       const moved = sums.mass[at] * this.size[i] * this.size[j] + more, same = i === j;
       a[i * n + j] = a[j * n + i] = (same ? 1 : 0) + sums.stiffness[at] - shift * moved;
       m[i * n + j] = m[j * n + i] = (same ? theta[i] : 0) + moved;

@@ -58,8 +58,10 @@ DRAWING_BYTES = 700_000
 """Bytes of the vectors that shapes are drawn with."""
 _POINTS = 50
 """Points of the certificate, in the region and in the bounds each."""
-_SNAPSHOTS = 24
-"""Points at which modes are taken for the second basis, in the region and in the bounds each."""
+_REGION_SNAPSHOTS, _BOUNDS_SNAPSHOTS = 24, 48
+"""Points at which modes are taken for the second basis."""
+_ABOVE = 6
+"""Modes above the wanted ones that are taken there: at other points they become some of these."""
 _TRAINING = 6
 """The same for the first basis where the full model is solved, together with `_TRAINING` corners."""
 _REGION_TARGET = 3e-5
@@ -320,8 +322,10 @@ class _Making:
         arrays: dict[str, NDArray],
     ) -> LiveConfiguration | str:  # fmt: skip
         whole = first.model.order <= WHOLE
-        snapshots = [] if whole else [*self._region_points(_SNAPSHOTS, 1), *self._bounds_points(_SNAPSHOTS, 1)]
-        basis = second_basis(first.model, x, snapshots, count, min(MOST_ORDER, first.model.order))
+        snapshots = (
+            [] if whole else [*self._region_points(_REGION_SNAPSHOTS, 1), *self._bounds_points(_BOUNDS_SNAPSHOTS, 1)]
+        )
+        basis = second_basis(first.model, x, snapshots, count + _ABOVE, min(MOST_ORDER, first.model.order))
         terms = self._smallest(first, basis, groups, x, count)
         if terms is None:
             return "its frequencies cannot be computed at the updated point with few enough vectors"
