@@ -45,15 +45,16 @@ def test_the_resonances_of_a_test_are_those_of_its_true_deck(run: dict[str, Any]
 
 def test_rates_count_parameters_and_trials(run: dict[str, Any]) -> None:
     def row(kind: str, number: int, final: list[float], codes: list[str]) -> dict[str, Any]:
-        return {"kind": kind, "number": number, "equalised": [0.0] * 5, "final": final, "codes": codes,
-                "found": False, "seconds": 4.0}  # fmt: skip
+        return {"setup": run["SETUPS"][0], "kind": kind, "number": number, "noisy": True, "equalised": [0.0] * 5,
+                "final": final, "bootstrap": [], "together": {}, "codes": codes, "found": False, "seconds": 4.0}  # fmt: skip
 
     rows = [
         row("right", 0, [0.1, -1.0, 1.9, 2.5, 0.0], []),
         row("mass", 0, [9.0, 0.0, 0.0, 0.0, 0.0], ["update.raw-misfit"]),
         row("mass", 1, [4.0, 0.0, 0.0, 0.0, 0.0], ["study.worst-held"]),
     ]
-    lines = {line.split(" | ")[0][2:]: line for line in run["page"](rows, 2).splitlines() if line.startswith("| ")}
+    table = [line for line in run["page"](rows, 2).splitlines() if line.startswith("| ")]
+    lines = {line.split(" | ")[0][2:]: line for line in table if run["SETUPS"][0].replace(" x ", " × ") in line}
     assert "| 5 of 5 (" in lines["right"]
     assert "| 4 of 5 (" in lines["right"]
     mass = next(line for name, line in lines.items() if name.startswith("lacks a mass"))

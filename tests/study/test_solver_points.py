@@ -125,8 +125,16 @@ def test_no_step_starts_the_solver_in_a_run_folder_that_is_in_use(study: Path, s
 
 
 def test_every_step_on_a_study_is_known_to_hold_its_folder() -> None:
-    without_model = {"init", "view", "identify", "report"}
-    assert {step.name for step in all_steps() if step.command is not None} - without_model == set(HOLDING)
+    # intervals refuses the model of a solver before anything is run
+    starting_none = {"init", "view", "identify", "report", "intervals"}
+    assert {step.name for step in all_steps() if step.command is not None} - starting_none == set(HOLDING)
+
+
+def test_intervals_of_a_solver_are_refused(study: Path) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        ft.intervals(study)
+    assert caught.value.code == "external.study"
+    assert started(study) == 0
 
 
 @pytest.mark.slow
