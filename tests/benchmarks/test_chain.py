@@ -30,7 +30,7 @@ def test_the_resonances_of_a_test_are_those_of_its_true_deck(run: dict[str, Any]
     study = trial.write(tmp_path)
     assert "drop_hz" not in study.read_text("utf-8")
     true, nominal = (
-        solve_modes(model_of(tmp_path / name).at(np.zeros(0)), 12).freq_hz for name in ("true.bdf", "frame.bdf")
+        solve_modes(model_of(tmp_path / name).at(np.zeros(0)), 12).freq_hz for name in ("true.bdf", "deck.bdf")
     )
     assert np.abs(true[3:] / nominal[3:] - 1.0).max() > 0.01
     frfs = read_uff(tmp_path / "test.uff", units=SI).test.frfs
@@ -45,8 +45,10 @@ def test_the_resonances_of_a_test_are_those_of_its_true_deck(run: dict[str, Any]
 
 def test_rates_count_parameters_and_trials(run: dict[str, Any]) -> None:
     def row(kind: str, number: int, final: list[float], codes: list[str]) -> dict[str, Any]:
-        return {"setup": run["SETUPS"][0], "kind": kind, "number": number, "noisy": True, "equalised": [0.0] * 5,
-                "final": final, "bootstrap": [], "together": {}, "codes": codes, "found": False, "seconds": 4.0}  # fmt: skip
+        return {
+            "setup": run["SETUPS"][0], "kind": kind, "number": number, "noisy": True, "equalised": [0.0] * 5,
+            "final": final, "bootstrap": [], "together": {}, "codes": codes, "found": False, "seconds": 4.0,
+        }  # fmt: skip
 
     rows = [
         row("right", 0, [0.1, -1.0, 1.9, 2.5, 0.0], []),

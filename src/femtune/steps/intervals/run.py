@@ -11,6 +11,7 @@ import numpy as np
 
 from femtune.arguments import checked
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file import StudyFile, is_deck, read_study_file
 from femtune.files.study_file.intervals import IntervalsTable
 from femtune.model.response.rigid import is_rigid
 from femtune.steps.intervals.record import BoxInterval, IntervalPredictions, PredictedInterval
@@ -102,10 +103,12 @@ def intervals(source: StudySource, *, report: Path | str | None = None, progress
     page, described = checked_page(report), source_of(source)
     watch = Stopwatch(call("intervals", described))
     with watch.step("read"):
+        # before the model is read, since this runs the solver
+        file = described if isinstance(described, StudyFile) or is_deck(described) else read_study_file(described)
+        if isinstance(file, StudyFile) and file.solver is not None:
+            raise FemtuneError("external.study/update", key="intervals")
         study = load_study(described, progress)
         check_parameters(study)
-        if study.source.needs_runs:
-            raise FemtuneError("external.study/update", key="intervals")
     with watch.step("intervals"), errors_at(study.file.where("intervals")):
         record = _found(study, study.file.intervals or IntervalsTable(), progress)
     results = Results(provenance=provenance(inputs_of(study), watch), study=study_facts(study), intervals=record)

@@ -58,8 +58,10 @@ DRAWING_BYTES = 700_000
 """Bytes of the vectors that shapes are drawn with."""
 _POINTS = 50
 """Points of the certificate, in the region and in the bounds each."""
-_REGION_SNAPSHOTS, _BOUNDS_SNAPSHOTS = 24, 48
-"""Points at which modes are taken for the second basis."""
+_REGION_SNAPSHOTS = 24
+"""Points of the region at which modes are taken for the second basis."""
+_BOUNDS_SNAPSHOTS = 48
+"""The same in the bounds, where modes change more."""
 _ABOVE = 6
 """Modes above the wanted ones that are taken there: at other points they become some of these."""
 _TRAINING = 6
