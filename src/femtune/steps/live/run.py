@@ -332,6 +332,8 @@ class _Making:
         if terms is None:
             return "its frequencies cannot be computed at the updated point with few enough vectors"
         vectors, model = terms
+        if not model.terms:
+            return f"no parameter changes stiffness or mass ({state.case.name})"
         case = next(c for c in (self.found.study or self.study).cases if c.name == state.case.name)
         return self._record(case, state, first, vectors, model, prefix, arrays)
 
