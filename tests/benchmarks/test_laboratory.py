@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 _FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "identification" / "laboratory"
-_MODULES = ("simulated", "bounds", "score", "page")
+_MODULES = ("simulated", "bounds", "score", "page", "ways")
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +65,17 @@ def test_what_is_found_is_matched_one_to_one(modules: dict[str, ModuleType]) -> 
     text = modules["page"].page([{**about, **scored}], 1)
     assert f"100.0 % ({one.inside} of {one.inside})" in text
     assert f"{200.0 / (one.inside + 2):.1f} % (2 of {one.inside + 2})" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["hammer, 5 hits", "burst"])
+def test_a_fit_does_not_follow_a_pole_that_decays_within_a_sample(
+    modules: dict[str, ModuleType], kind: str, tmp_path: Path
+) -> None:
+    """Steps of least squares had led there, and its transient is a column of zeros."""
+    ways, one = modules["ways"], modules["simulated"].structure(19)
+    test = modules["simulated"].recorded(one, kind)
+    found, code = ways.by_femtune(test, ways.write_test(test, tmp_path))
+    assert code == ""
+    near = [min(abs(mode["freq_hz"] / hz - 1.0) for mode in found) for hz in one.freq_hz[: one.inside]]
+    assert sum(part < 0.02 for part in near) >= one.inside - 2

@@ -31,6 +31,9 @@ SMALL = 1e-9
 """Steps of all poles below this fraction of their modulus end the iteration."""
 SMALL_GAIN = 1e-4
 """Decrease of χ² of a whole record that ends the iteration: the poles are within a hundredth of their errors."""
+_FARTHEST = 5.0
+"""Largest magnitude of a pole over the highest line of a whole record: at five times the Nyquist frequency a strongly
+damped motion decays to 1e-7 within a sample."""
 NO_POLES: Complexes = np.zeros(0, complex)
 
 
@@ -172,6 +175,11 @@ class _Problem:
         return solve_residues(values, basis, weights, len(poles))
 
     @property
+    def farthest(self) -> float:
+        """Largest magnitude of a pole, rad/s. What decays within a sample has no transient that a record could show."""
+        return np.inf if self.whole is None else _FARTHEST * 2.0 * np.pi * float(self.frfs.freq_hz[-1])
+
+    @property
     def line(self) -> Reals | None:
         """(k,) weights of the lines of a whole record."""
         return None if self.whole is None else self.whole.line
@@ -192,10 +200,10 @@ def _iterate(problem: _Problem, poles: Complexes, most_steps: int) -> tuple[Comp
 
 def _shortened(problem: _Problem, poles: Complexes, delta: Complexes, now: Solved) -> tuple[Complexes, Solved, float]:
     """The step, halved until the poles decay and the weighted errors do not grow; length 0 where none does."""
-    length = 1.0
+    length, farthest = 1.0, max(problem.farthest, float(np.abs(poles).max()))
     while length > 1e-3:
         trial = poles + length * delta
-        if (trial.real < 0.0).all() and (trial.imag > 0.0).all():
+        if (trial.real < 0.0).all() and (trial.imag > 0.0).all() and (np.abs(trial) <= farthest).all():
             after = problem.solve(trial)
             if np.sum(after.squares / now.variance) <= np.sum(now.squares / now.variance) * (1.0 + 1e-12):
                 return trial, after, length
