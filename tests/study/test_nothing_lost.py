@@ -125,7 +125,8 @@ def test_progress_names_the_steps_in_their_order(beam: Bench) -> None:
     assert list(dict.fromkeys(heads)) == [
         "reading the deck", "configuration baseline", "mass and rigid-body check", "solving and pairing the modes",
         "modes and correlation, before", "sensitivities", "measures of the parameters", "mass and mesh", "update",
-        "modes and correlation, after", "live model", "writing the updated deck", "modes and correlation, after as written",
+        "modes and correlation, after", "live model", "writing the updated deck",
+        "modes and correlation, after as written",
         "χ² along the principal axes of the covariance", "fields that are no parameters",
         "writing the report", "drawing the pictures of the page",
     ]  # fmt: skip
