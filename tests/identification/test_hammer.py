@@ -221,3 +221,54 @@ def test_hits_at_several_points_in_files_of_their_own(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         identify(tmp_path / "i.toml")
     assert caught.value.code == "identify.records-differ"
+
+
+def roving(folder: Path, factor: float, hits: int = 3) -> list[str]:
+    """Files of hits at three points with the response at the first; the force in the file is `factor` times as large.
+
+    Returns the names of the files.
+    """
+    shapes = np.vstack([SHAPES, [[-0.4, 0.5, 0.9]]])
+    files = []
+    for point, shape in enumerate(shapes, 1):
+        rng, force = np.random.default_rng(point), np.zeros(1200 * hits)
+        for at in 40 + 1200 * np.arange(hits):
+            force[at : at + 7] += 50.0 * factor * np.hanning(7) * rng.uniform(0.8, 1.2)
+        y = np.zeros(len(force))
+        for k, pole in enumerate(np.exp(pole_of(FREQ, DAMPING) / RATE)):
+            # the second differences of the modal coordinate, without motion before the force
+            q = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], shape[k] * force)
+            y += SHAPES[0, k] / pole.imag * q
+        noise = rng.standard_normal((2, len(force))) * np.array([[0.02], [3e-4 * y.std()]])
+        values = np.vstack([force, y]) + noise
+        files.append(f"{point}_{factor:g}.csv")
+        np.savetxt(folder / files[-1], values.T, delimiter=",", header=f"{point}Z+ [N],1Z+ [m/s2]", comments="")
+    return files
+
+
+@pytest.mark.slow
+def test_levels_of_a_hammer_that_roves_are_compared_with_the_scatter_of_the_hits(tmp_path: Path) -> None:
+    soft, hard = roving(tmp_path, 1.0), roving(tmp_path, 3.0)
+    (tmp_path / "i.toml").write_text(
+        f"[identify]\nrecord = {soft}\nsampling_hz = 512.0\nband_hz = [10.0, 90.0]\n"
+        f"[linearity]\nforce = 1.0\n[[level]]\nrecord = '{hard[2]}'\nforce = 3.0\n"
+    )
+    made = identify(tmp_path / "i.toml")
+    np.testing.assert_allclose(made.modes.freq_hz, FREQ, rtol=2e-3)
+    assert made.modes.dofs.labels() == ["1Z+", "2Z+", "3Z+"]
+    found = made.found
+    assert found.measured is not None
+    assert found.synthesised is not None
+    assert found.measured_sd is not None
+    assert found.misfit_percent is not None
+    # the axes are those of the test throughout: one response, three points of the force
+    assert found.measured.references.labels() == ["1Z+", "2Z+", "3Z+"]
+    assert found.measured.responses.labels() == ["1Z+"]
+    assert found.measured_sd.shape == found.measured.values.shape == found.synthesised.values.shape
+    assert found.misfit_percent.shape == found.measured.values.shape[:2]
+    assert made.record.linearity is not None
+    assert made.record.linearity.linear
+    (functions,) = made.record.linearity.functions
+    assert functions.functions == 1
+    assert functions.lowest == "1Z+ / 3Z+"
+    assert functions.noise_percent is not None

@@ -93,7 +93,7 @@ def found_from_frfs(
     measured, synthesised = made.fit.measured, made.fit.synthesised
     error = np.linalg.norm(synthesised.values - measured.values, axis=2)
     size = np.linalg.norm(measured.values, axis=2)
-    collinearity = np.array([phase_collinearity(shape) for shape in leading_shapes(made.fit).T])
+    collinearity = np.array([phase_collinearity(shape) for shape in leading_shapes(made.fit_of_shapes).T])
     return Found(
         made.modes, collinearity, made.table, made.candidates, _by_method(made), _curve(measured),
         measured=measured,
