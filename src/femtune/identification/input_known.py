@@ -247,6 +247,8 @@ def _identified(
         fit = with_force_noise(fit, lines, terms)
     if lines is not None:
         fit = _beside_functions(fit, elastic, lines, terms)
+        # those without the decays that the ends of the record cut off, and without its other transients
+        motion = fit.measured if lines.width and asked.rigid is None else motion
     of_system = _system(motion, fit, band, asked)
     if shift:
         fit, of_system = replace(fit, poles=fit.poles + shift), _moved_system(of_system, shift)
@@ -258,7 +260,8 @@ def _identified(
         raise NoModesChosen("identify.no-poles/left", table, candidates, whole, **error.facts) from error
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
     clusters = tuple(chosen[fit.begun_at[fit.reported]].tolist())
-    quality = fit_quality(_with_window(system, shift).frf(whole.freq_hz), whole)
+    used = whole if of_record is None else fit.measured
+    quality = fit_quality(_with_window(system, shift).frf(used.freq_hz), used)
     remarks = (*kept, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic))))
     shapes, labels = leading_shapes(fit), whole.responses.labels()
     step_s = 1.0 / (_SAMPLES_PER_PERIOD * float(whole.freq_hz[-1]))
@@ -273,7 +276,7 @@ def _identified(
         fit=fit,
         system_fit=of_system,
         quality=quality,
-        measured=whole if of_record is None else fit.measured,
+        measured=used,
         notices=notices,
         remarks=remarks,
         clusters=clusters,
@@ -283,14 +286,16 @@ def _identified(
 def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
     """The fit to all lines of a record, shown beside its functions.
 
-    Means over lines would blur sharp peaks. The functions are shown as the model with the mean of what it leaves, and
-    with the coherence that this gives.
+    Means over lines would blur sharp peaks, and a response that the end of the record cuts off has other functions.
+    The functions are shown as the model with the mean of what it leaves, and with the coherence that this gives.
     """
+    bins = bool(whole.width) and fit.ends is not None
+    frfs = binned(whole)[0] if bins else frfs
     columns = modal_basis(frfs.freq_hz, fit.poles, frfs.kind, terms).columns
     residues = fit.residues[:, 0]
     model = (np.hstack([residues.real, residues.imag, fit.terms[:, 0]]) @ columns.T)[:, None]
     synthesised = replace(fit.synthesised, freq_hz=frfs.freq_hz, values=model)
-    if whole.width and fit.ends is not None:
+    if bins and fit.ends is not None:
         rest = whole.without(fit.ends + fit.synthesised.values[:, 0])
         coherence = coherence_of_fit(whole, fit.synthesised.values[:, 0], rest.frfs.values[:, 0])
         frfs = replace(frfs, values=model + binned(rest)[0].values, coherence=coherence[:, None])
