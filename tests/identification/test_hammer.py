@@ -219,7 +219,7 @@ def test_hits_at_several_points_in_files_of_their_own(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         identify(tmp_path / "i.toml")
     assert caught.value.code == "identify.records-differ"
-    assert "1Z+" in str(caught.value)
+    assert "2Z+; 1Z+; 1Z+" in str(caught.value)
 
 
 SLOW = np.array([0.004, 0.003, 0.002])
