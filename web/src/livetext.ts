@@ -44,7 +44,7 @@ export function truthText(live: Live, first: Record<string, number>, now: Record
 }
 
 /** A size that may be rounding. */
-export const size = (value: number) => (Math.abs(value) < 1e-3 ? "< 0.001" : shown(value, 2));
+export const size = (value: number) => (Math.abs(value) < 1e-3 ? "<\u00a00.001" : shown(value, 2));
 
 /** What is said of the errors at a point: what was compared with what, and where. */
 export function certificateText(all: LiveCertificate[], where: string): string {

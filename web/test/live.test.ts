@@ -164,8 +164,8 @@ test("values as lines of a study, and what is said of errors", () => {
   const full = { other: "the full model", points: 4, corners: 2, without_modes: 0, frequency_percent: 0.0123, mac: 1e-9, chi_square_percent: 2 };
   const reduced = { ...full, other: "the reduced model of order 60", points: 82, corners: 32, without_modes: 3, mac: null, chi_square_percent: null };
   assert.equal(certificateText([full, reduced], "within the bounds"), "Largest differences that were found from the full model at 4 points within the bounds, 2 of them corners: "
-    + "frequencies 0.012 %, MAC < 0.001, χ² 2 %; from the reduced model of order 60 at 82 points within the bounds, 32 of them corners; at 3 of them neither has modes: frequencies 0.012 %.");
-  assert.equal(size(1e-14), "< 0.001");
+    + "frequencies 0.012 %, MAC <\u00a00.001, χ² 2 %; from the reduced model of order 60 at 82 points within the bounds, 32 of them corners; at 3 of them neither has modes: frequencies 0.012 %.");
+  assert.equal(size(1e-14), "<\u00a00.001");
 });
 
 function packed(values: Float64Array, shape: number[]): Packed {

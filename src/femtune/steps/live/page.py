@@ -49,17 +49,19 @@ def live(source: ReportSource) -> list[Block]:
 
 
 def _certificate(found: LiveResults) -> Table:
-    groups = "95 % region", "Bounds" if not found.narrowed else "Ranges of the sliders"
+    wide = "ranges of the sliders" if found.narrowed else "bounds"
     heads = (
-        Column("Configuration"), Column("Order", "right"), Column("Compared with"),
-        *(Column(t, "right", g) for g in groups for t in ("Points", "Frequency, %", "MAC", "χ², %")),
+        Column("Configuration"), Column("Order", "right"), Column("Where"), Column("Compared with"),
+        *(Column(title, "right") for title in ("Points", "Frequency, %", "MAC", "χ², %")),
     )  # fmt: skip
     rows = tuple(
-        row(c.configuration, str(c.order), _other(wide), *_errors(inside), *_errors(wide))
+        row(c.configuration, str(c.order), where, _other(one), *_errors(one))
         for c in found.configurations
-        for inside, wide in ((c.region, c.bounds), (c.region_full, c.bounds_full))
-        if wide is not None
-    )
+        for where, one in (
+            ("95 % region", c.region), ("95 % region", c.region_full), (wide, c.bounds), (wide, c.bounds_full)
+        )
+        if one is not None
+    )  # fmt: skip
     note = (
         "Largest differences between the live model and another one at points where both were solved, with the numbers "
         "as they are stored in this page. The points of the ranges are random points and corners. χ² is the sum that "
@@ -76,11 +78,9 @@ def _other(c: LiveCertificate) -> str:
     return f"reduced model of order {c.compared_order:,}"
 
 
-def _errors(c: LiveCertificate | None) -> tuple[Cell | str, ...]:
-    if c is None:
-        return "none", "–", "–", "–"
-    corners = f", {c.corners} of them corners" if c.corners else ""
-    without = f"; {c.without_modes} without modes" if c.without_modes else ""
+def _errors(c: LiveCertificate) -> tuple[Cell | str, ...]:
+    corners = f" ({c.corners} corners)" if c.corners else ""
+    without = f", {c.without_modes} without modes" if c.without_modes else ""
     sizes = ("–" if v is None else _size(v) for v in (c.frequency_percent, c.mac, c.chi_square_percent))
     return f"{c.points}{corners}{without}", *sizes
 
