@@ -40,7 +40,7 @@ _TURNS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class _Errors:
+class _ErrorsOfFit:
     """Of the poles, and of the coordinates z of Q in the functions over the noise of each.
 
     Parameters
@@ -180,7 +180,7 @@ def _slopes(now: _Lines, variance: Reals) -> Complexes:
 
 def _refitted(
     poles: Complexes, now: _Lines, variance: Reals, force: float, whole: WholeRecord, terms: tuple[str, ...]
-) -> tuple[Complexes, _Errors, _Lines]:
+) -> tuple[Complexes, _ErrorsOfFit, _Lines]:
     """Poles, their errors and coefficients of most likelihood; those before, if the steps do not end."""
     begin, lines, m = poles, now, len(poles)
     for _ in range(MOST_STEPS):
@@ -195,7 +195,7 @@ def _refitted(
 
 
 @dataclass(frozen=True, eq=False)
-class _Step:
+class _GaussNewtonStep:
     """A Gauss-Newton step.
 
     Parameters
@@ -212,13 +212,13 @@ class _Step:
     factor: tuple[Reals, bool]
     moved: Reals
 
-    def errors(self) -> _Errors:
+    def errors(self) -> _ErrorsOfFit:
         n, q, _ = self.moved.shape
         every = cho_solve(self.factor, np.eye(n * q), check_finite=False).reshape(n, q, n, q)
-        return _Errors(self.covariance, np.einsum("fpfq->fpq", every), self.moved)
+        return _ErrorsOfFit(self.covariance, np.einsum("fpfq->fpq", every), self.moved)
 
 
-def _step(now: _Lines, variance: Reals, force: float) -> _Step:
+def _step(now: _Lines, variance: Reals, force: float) -> _GaussNewtonStep:
     slopes, (n, q) = _slopes(now, variance), now.coefficients.shape
     white, loaded = (values / np.sqrt(variance)[:, None] for values in (now.left, now.loaded))
     g = np.sum(np.abs(loaded) ** 2, axis=0)
@@ -241,7 +241,7 @@ def _step(now: _Lines, variance: Reals, force: float) -> _Step:
     step = covariance @ (gradient[:a] - normal[:a, a:] @ across[:, a])
     coordinates = (across[:, a] - across[:, :a] @ step).reshape(n, q) * np.sqrt(variance)[:, None]
     change = (coordinates - _moved(now, step)) @ now.back.T
-    return _Step(step, change, covariance, factor, -across[:, :a].reshape(n, q, a))
+    return _GaussNewtonStep(step, change, covariance, factor, -across[:, :a].reshape(n, q, a))
 
 
 def _moved(now: _Lines, step: Reals) -> Reals:
@@ -251,7 +251,7 @@ def _moved(now: _Lines, step: Reals) -> Reals:
     return np.asarray(np.einsum("qapr,ar,fpr->fq", now.shadow, step.reshape(2, m), c, optimize=True))
 
 
-def _raised(now: _Lines, variance: Reals, force: float) -> _Errors:
+def _raised(now: _Lines, variance: Reals, force: float) -> _ErrorsOfFit:
     """Of poles and residues that were fitted as if the force had no noise."""
     slopes, a = _slopes(now, variance), now.loaded / np.sqrt(variance)[:, None]
     inverse = np.linalg.pinv(np.einsum("fka,fkb->ab", slopes.conj(), slopes, optimize=True).real, hermitian=True)
@@ -265,10 +265,10 @@ def _raised(now: _Lines, variance: Reals, force: float) -> _Errors:
         both = rows.T @ shared
         moved[f] = both @ back
         own[f] = np.eye(q) + rows.T @ rows - moved[f] @ both.T
-    return _Errors(poles, own, moved)
+    return _ErrorsOfFit(poles, own, moved)
 
 
-def _with_errors(fit: ModalFit, now: _Lines, variance: Reals, errors: _Errors) -> ModalFit:
+def _with_errors(fit: ModalFit, now: _Lines, variance: Reals, errors: _ErrorsOfFit) -> ModalFit:
     """With the covariances of poles and residues; that of a pole on which the functions disagree is larger."""
     factor = np.sqrt(np.tile(fit.spread, 2))
     q, _, p, m = now.shadow.shape
