@@ -451,8 +451,8 @@ class _Making:
         known = {i for tests, _ in groups for i in tests}
         parts = page_parts(self.result.after, self.result.after.states.index(state), residuals, known)
         certified = Certified(model, sensors.astype(float), state, parts)
-        certificates = self._certificates(certified, first, vectors, full)
-        worst = max(c.frequency_percent for c in certificates.values() if c is not None)
+        region, bounds, region_full, bounds_full = self._certificates(certified, first, vectors, full)
+        worst = max(c.frequency_percent for c in (region, bounds, region_full, bounds_full) if c is not None)
         if worst > MOST_PERCENT:
             return _too_inaccurate(worst, model.order, state.case.name)
         polynomials = np.concatenate([np.zeros(0), *(t.function.coefficients.ravel() for t in model.terms)])
@@ -477,7 +477,7 @@ class _Making:
                 keys = {"x_key": f"{prefix}/check_{i}_x", "eigenvalues_key": f"{prefix}/check_{i}"}
                 checks.append(LiveCheck(chi_square=certified.chi_square(modes), **keys))
         arrays |= {f"{prefix}/{name}": a for name, a in stored.items()}
-        drawn = {f"{n}_key": f"{prefix}/{n}" for n in ("drawing", "drawing_weights", "mass_rows") if n in stored}
+        drawn = {name: f"{prefix}/{name}" for name in ("drawing", "drawing_weights", "mass_rows") if name in stored}
         return LiveConfiguration(
             configuration=case.name, order=model.order, dofs=state.case.on_full_model.configured.n_free,
             count=model.count, shift=model.shift,
@@ -500,13 +500,15 @@ class _Making:
                 for tests, models in groups for i, j in zip(tests, models)
             ),
             parts=_part_records(parts), weights_key=f"{prefix}/weights",
-            checks=tuple(checks), **certificates, **drawn,
+            region=region, bounds=bounds, region_full=region_full, bounds_full=bounds_full, checks=tuple(checks),
+            drawing_key=drawn.get("drawing"), drawing_weights_key=drawn.get("drawing_weights"),
+            mass_rows_key=drawn.get("mass_rows"),
         )  # fmt: skip
 
     def _certificates(
         self, certified: Certified, first: _First, vectors: Reals, full: Reals
-    ) -> dict[str, LiveCertificate | None]:
-        """By their names in the record: beside the model that the live one is made of, and beside the full one."""
+    ) -> tuple[LiveCertificate | None, LiveCertificate, LiveCertificate | None, LiveCertificate | None]:
+        """In the region and the ranges, beside the model that the live one is made of, and both beside the full one."""
         state, corners = certified.state, self._corners()
         case = state.case.on_full_model
         rows = np.asarray(case.sensors.toarray() if first.basis is None else case.sensors @ first.basis)
@@ -515,9 +517,9 @@ class _Making:
         bounds = np.vstack([candidates(*self.box, _POINTS, 0, _SEED + 50), corners])
         inside, inside_errors = certified.beside(other, region, 0)
         wide, wide_errors = certified.beside(other, bounds, len(corners))
-        out = {"region": inside, "bounds": wide}
+        assert wide is not None
         if first.basis is None or max(inside_errors.max(initial=0.0), wide_errors.max()) > MOST_PERCENT:
-            return out
+            return inside, wide, None, None
         done = iter(range(2 * _FULL_POINTS))
 
         def told() -> None:
@@ -526,9 +528,9 @@ class _Making:
 
         whole = FullModel(state, case.configured, full, told)
         at, beyond = _to_compare(inside_errors, len(region)), _to_compare(wide_errors, _POINTS)
-        out["region_full"] = certified.beside(whole, region[at], 0)[0]
-        out["bounds_full"] = certified.beside(whole, bounds[beyond], sum(i >= _POINTS for i in beyond))[0]
-        return out
+        inside_full, _ = certified.beside(whole, region[at], 0)
+        wide_full, _ = certified.beside(whole, bounds[beyond], sum(i >= _POINTS for i in beyond))
+        return inside, wide, inside_full, wide_full
 
     @staticmethod
     def _mass_rows(case: StudyCase, full: Reals) -> dict[str, NDArray]:
