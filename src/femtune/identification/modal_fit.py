@@ -82,6 +82,16 @@ class ModalFit:
     deviance: float
     ends: Complexes | None = None
 
+    def transposed(self) -> ModalFit:
+        """The fit with responses and references exchanged; not of a whole record, which has one reference."""
+        if self.ends is not None:
+            raise ValueError("the fit of a whole record has one reference")
+        turned = {
+            name: np.ascontiguousarray(np.swapaxes(getattr(self, name), 0, 1))
+            for name in ("residues", "terms", "own_covariance", "pole_effect", "sd")
+        }
+        return replace(self, **turned, synthesised=self.synthesised.transposed(), measured=self.measured.transposed())
+
     @property
     def outside(self) -> Flags:
         """(m,) modes outside the band, which are fitted because they bend the functions inside it."""
