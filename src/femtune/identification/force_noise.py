@@ -83,8 +83,8 @@ class _Lines:
 def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] = OUT_OF_BAND) -> ModalFit:
     """The fit of a whole record with the noise of its force, where there is any; else as it is.
 
-    Poles, residues and their covariances are those of the likelihood with the noise of the force. With many functions or
-    lines only the covariances contain it; poles and residues are those of the given fit.
+    Poles, residues and their covariances are those of the likelihood with the noise of the force. With many functions
+    or lines only the covariances contain it; poles and residues are those of the given fit.
     """
     n, _, k = whole.frfs.values.shape
     most = MOST_NUMBERS // (2 * n * len(fit.poles))
