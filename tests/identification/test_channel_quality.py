@@ -68,3 +68,9 @@ def test_ranks_by_the_error_of_an_identified_system(frfs: FrfSet) -> None:
     assert found.order[0] == 3
     assert found.words == "the largest error of the identified system"
     assert found.values[1] == pytest.approx(NOISE[1] * np.sqrt(2.0), rel=0.3)
+    # of a hammer that roves over the same points the inputs are ranked, and the errors are the same
+    one = replace(thin, values=values[:, :1], references=thin.references.select([0]))
+    plain, roving = (quality(some, "fit", InputKnown(largest_order=12)) for some in (one, one.transposed()))
+    assert roving.of_inputs
+    assert roving.order == plain.order
+    np.testing.assert_allclose(roving.values, plain.values, rtol=1e-6)

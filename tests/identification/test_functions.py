@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from tests.messages.shown import check_shown
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError
@@ -206,6 +207,13 @@ def test_what_cannot_be_done_is_refused(call: Any, code: str) -> None:
     with pytest.raises(FemtuneError) as caught:
         call()
     assert caught.value.code == code
+
+
+def test_records_at_other_rates_are_not_averaged() -> None:
+    record = _record(0)
+    with pytest.raises(FemtuneError) as caught:
+        input_output_spectra([record, TimeSeries(record.values, record.channels, 2.0 * _RATE)], Averaging(_N))
+    check_shown("identify.records-differ", caught.value)
 
 
 def test_one_signal_on_two_inputs_is_refused() -> None:

@@ -24,12 +24,13 @@ SHAPES = np.array([[1.0, 0.7, -0.5], [0.6, -0.9, 0.8]])
 CHANNELS = (Channel(Dof(1, "Z"), "force", role="input"), *(Channel(Dof(i, "Z"), "acceleration") for i in (1, 2)))
 
 
-def response(force: np.ndarray) -> np.ndarray:
-    """(2, n) accelerations of sampled modes."""
+def response(force: np.ndarray, damping: np.ndarray = DAMPING, at: np.ndarray = SHAPES[0]) -> np.ndarray:
+    """(2, n) accelerations of sampled modes, exact and causal: second differences of the modal coordinates."""
     y = np.zeros((2, len(force)))
-    for k, pole in enumerate(np.exp(pole_of(FREQ, DAMPING) / RATE)):
-        q = lfilter([0.0, pole.imag], [1.0, -2.0 * pole.real, abs(pole) ** 2], SHAPES[0, k] * force)
-        y += np.outer(SHAPES[:, k], np.gradient(np.gradient(q)))
+    for k, pole in enumerate(np.exp(pole_of(FREQ, damping) / RATE)):
+        # (1 - 1/z)^2 of the coordinate has no motion before the force
+        q = lfilter(pole.imag * np.array([1.0, -2.0, 1.0]), [1.0, -2.0 * pole.real, abs(pole) ** 2], at[k] * force)
+        y += np.outer(SHAPES[:, k], q)
     return y
 
 
@@ -201,10 +202,7 @@ def test_hits_at_several_points_in_files_of_their_own(tmp_path: Path) -> None:
     for point, shape in enumerate(shapes, 1):
         force = np.zeros(1200)
         force[40:47] = 50.0 * np.hanning(7)
-        y = np.zeros(1200)
-        for k, pole in enumerate(np.exp(pole_of(FREQ, DAMPING) / RATE)):
-            q = lfilter([0.0, pole.imag], [1.0, -2.0 * pole.real, abs(pole) ** 2], shape[k] * force)
-            y += SHAPES[0, k] * np.gradient(np.gradient(q))
+        y = response(force, at=shape)[0]
         noise = np.random.default_rng(point).standard_normal((2, 1200)) * np.array([[0.02], [3e-4 * y.std()]])
         files.append(f"{point}.csv")
         values = np.vstack([force, y]) + noise
@@ -221,3 +219,107 @@ def test_hits_at_several_points_in_files_of_their_own(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         identify(tmp_path / "i.toml")
     assert caught.value.code == "identify.records-differ"
+    assert "2Z+; 1Z+; 1Z+" in str(caught.value)
+
+
+SLOW = np.array([0.004, 0.003, 0.002])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hits", [[40], [40, 560]])
+def test_what_the_end_of_a_record_cuts_off_is_missing_in_no_result(hits: list[int], tmp_path: Path) -> None:
+    rng, force = np.random.default_rng(2), np.zeros(1000)
+    for at in hits:
+        force[at : at + 7] = 50.0 * np.hanning(7)
+    y = response(force, SLOW)
+    noise = rng.standard_normal((3, 1000)) * np.array([[0.005], [1e-3 * y.std()], [1e-3 * y.std()]])
+    path = written(TimeSeries(np.vstack([force, y]) + noise, CHANNELS, RATE), tmp_path / "hit.csv")
+    made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0))
+    assert made.modes.damping_ratio is not None
+    np.testing.assert_allclose(made.modes.freq_hz, FREQ, rtol=2e-4)
+    np.testing.assert_allclose(made.modes.damping_ratio, SLOW, rtol=0.02)
+    # a quarter of the motion of the first mode is left at the end of the record
+    measured, system = made.found.measured, made.found.system
+    assert measured is not None
+    assert system is not None
+    long = np.zeros(60_000)
+    long[0] = 1.0
+    # the lines of the record are every 60th of the long one
+    true = np.fft.rfft(response(long, SLOW))[:, np.rint(measured.freq_hz * len(long) / RATE).astype(int)]
+    for values in (measured.values[:, 0], system.frf(measured.freq_hz).values[:, 0]):
+        miss = np.linalg.norm(values - true, axis=1) / np.linalg.norm(true, axis=1)
+        assert (miss < 0.01).all()
+    assert made.found.misfit_percent is not None
+    assert made.found.misfit_percent.max() < 1.0
+    assert made.found.of_whole_record
+    (said,) = [n for n in made.found.notices if n.code.startswith("identify.hits")]
+    check_shown("identify.hits, whole", said) if len(hits) == 1 else None
+    assert "identify.one-hit" not in codes(made.found.notices)
+
+
+@pytest.mark.slow
+def test_functions_of_hits_whose_responses_are_cut_are_said_to_be(tmp_path: Path) -> None:
+    rng, force = np.random.default_rng(2), np.zeros(2400)
+    for at in (40, 840, 1640):
+        force[at : at + 7] = 50.0 * np.hanning(7)
+    y = response(force, SLOW)
+    noise = rng.standard_normal((3, 2400)) * np.array([[0.005], [1e-3 * y.std()], [1e-3 * y.std()]])
+    path = written(TimeSeries(np.vstack([force, y]) + noise, CHANNELS, RATE), tmp_path / "hits.csv")
+    made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0))
+    # the modes are those of the whole record
+    assert made.modes.damping_ratio is not None
+    np.testing.assert_allclose(made.modes.freq_hz, FREQ, rtol=2e-4)
+    np.testing.assert_allclose(made.modes.damping_ratio, SLOW, rtol=0.02)
+    # the functions and the system are those of the blocks
+    assert {"identify.hits", "identify.hits-not-decayed"} <= set(codes(made.found.notices))
+    assert not made.found.of_whole_record
+    assert made.found.measured is not None
+    assert made.found.measured_sd is not None
+    assert made.found.measured_sd.shape == made.found.measured.values.shape
+
+
+def roving(folder: Path, factor: float, hits: int = 3) -> list[str]:
+    """Files of hits at three points with the response at the first; the force in the file is `factor` times as large.
+
+    Returns the names of the files.
+    """
+    shapes = np.vstack([SHAPES, [[-0.4, 0.5, 0.9]]])
+    files = []
+    for point, shape in enumerate(shapes, 1):
+        rng, force = np.random.default_rng(point), np.zeros(1200 * hits)
+        for at in 40 + 1200 * np.arange(hits):
+            force[at : at + 7] += 50.0 * factor * np.hanning(7) * rng.uniform(0.8, 1.2)
+        y = response(force, at=shape)[0]
+        noise = rng.standard_normal((2, len(force))) * np.array([[0.02], [3e-4 * y.std()]])
+        values = np.vstack([force, y]) + noise
+        files.append(f"{point}_{factor:g}.csv")
+        np.savetxt(folder / files[-1], values.T, delimiter=",", header=f"{point}Z+ [N],1Z+ [m/s2]", comments="")
+    return files
+
+
+@pytest.mark.slow
+def test_levels_of_a_hammer_that_roves_are_compared_with_the_scatter_of_the_hits(tmp_path: Path) -> None:
+    soft, hard = roving(tmp_path, 1.0), roving(tmp_path, 3.0)
+    (tmp_path / "i.toml").write_text(
+        f"[identify]\nrecord = {soft}\nsampling_hz = 512.0\nband_hz = [10.0, 90.0]\n"
+        f"[linearity]\nforce = 1.0\n[[level]]\nrecord = '{hard[2]}'\nforce = 3.0\n"
+    )
+    made = identify(tmp_path / "i.toml")
+    np.testing.assert_allclose(made.modes.freq_hz, FREQ, rtol=2e-3)
+    assert made.modes.dofs.labels() == ["1Z+", "2Z+", "3Z+"]
+    found = made.found
+    assert found.measured is not None
+    assert found.synthesised is not None
+    assert found.measured_sd is not None
+    assert found.misfit_percent is not None
+    # the axes are those of the test throughout: one response, three points of the force
+    assert found.measured.references.labels() == ["1Z+", "2Z+", "3Z+"]
+    assert found.measured.responses.labels() == ["1Z+"]
+    assert found.measured_sd.shape == found.measured.values.shape == found.synthesised.values.shape
+    assert found.misfit_percent.shape == found.measured.values.shape[:2]
+    assert made.record.linearity is not None
+    assert made.record.linearity.linear
+    (functions,) = made.record.linearity.functions
+    assert functions.functions == 1
+    assert functions.lowest == "1Z+ / 3Z+"
+    assert functions.noise_percent is not None

@@ -10,7 +10,8 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
-from femtune.identification import InputKnown, identify_frfs
+from femtune.identification import InputKnown, equalised_test, identify_frfs
+from femtune.identification.input_known import NoModesChosen
 from femtune.modal import ModeSet, mac
 
 _LINES = np.linspace(5.0, 62.0, 600)
@@ -166,5 +167,32 @@ def test_a_hammer_that_roves_is_identified_by_reciprocity(eight_modes: Any) -> N
     system, values = roving.system.frf(_LINES), found.system.frf(_LINES).values
     assert (system.responses.labels(), system.references.labels()) == (["1Z+"], frfs.responses.labels())
     np.testing.assert_allclose(system.values, np.swapaxes(values, 0, 1), rtol=1e-6)
+    # and so have the functions and the fits
+    for some in (roving.measured, roving.fit.measured, roving.fit.synthesised, roving.system_fit.system):
+        assert (some.responses.labels(), some.references.labels()) == (["1Z+"], frfs.responses.labels())
+    np.testing.assert_array_equal(roving.measured.values, np.swapaxes(found.measured.values, 0, 1))
+    np.testing.assert_array_equal(roving.quality.error, found.quality.error.T)
+    np.testing.assert_array_equal(roving.fit.residues, np.swapaxes(found.fit.residues, 0, 1))
+    np.testing.assert_array_equal(roving.fit_of_shapes.own_covariance, found.fit.own_covariance)
+    np.testing.assert_array_equal(roving.system_fit.participations, found.system_fit.shapes.T)
     as_measured = identify_frfs(frfs.transposed(), InputKnown(largest_order=8, by_reciprocity=False))
     assert as_measured.modes.dofs.labels() == ["1Z+"]
+    noise = np.random.default_rng(0).standard_normal((2, *frfs.values.shape))
+    with pytest.raises(NoModesChosen) as caught:
+        identify_frfs(dataclasses.replace(frfs, values=noise[0] + 1j * noise[1]).transposed(), InputKnown())
+    assert caught.value.measured.references.labels() == frfs.responses.labels()
+
+
+@pytest.mark.slow
+def test_the_damping_of_a_hammer_test_that_roves_is_equalised(eight_modes: Any) -> None:
+    frfs = dataclasses.replace(eight_modes, inputs=(0,)).frfs(_LINES, noise=0.005)
+    plain, roving = (equalised_test(some, 0.01, InputKnown(largest_order=40)) for some in (frfs, frfs.transposed()))
+    assert plain.redrawn is not None
+    assert roving.redrawn is not None
+    assert roving.redrawn.measured.references.labels() == frfs.responses.labels()
+    assert roving.redrawn.equalised.shape == roving.frfs.values.shape
+    np.testing.assert_allclose(roving.redrawn.equalised, np.swapaxes(plain.redrawn.equalised, 0, 1), rtol=1e-6)
+    np.testing.assert_allclose(roving.redrawn.modes.shapes, plain.redrawn.modes.shapes, rtol=1e-12)
+    change = plain.redrawn.draw("noise", np.random.default_rng(1))
+    drawn = roving.redrawn.functions(np.swapaxes(change, 0, 1))
+    np.testing.assert_allclose(drawn, np.swapaxes(plain.redrawn.functions(change), 0, 1), rtol=1e-6)

@@ -92,11 +92,11 @@ def struck(
     rng, force, y = np.random.default_rng(seed), np.zeros(samples), np.zeros(samples)
     for start in at:
         force[start : start + 6] += 100.0 * np.sin(np.pi * np.arange(6) / 6.0) * rng.uniform(0.7, 1.3)
+    # differences to the sample before are exact derivatives of the sampled modes: nothing moves before the force
+    difference = np.array(([1.0], [RATE, -RATE], [RATE**2, -2.0 * RATE**2, RATE**2])[derivatives])
     for hz, ratio, part in modes:
         pole = np.exp(pole_of(np.array([hz]), np.array([ratio])) / RATE)[0]
-        y += part / hz * lfilter([0.0, pole.imag], [1.0, -2.0 * pole.real, abs(pole) ** 2], force)
-    for _ in range(derivatives):
-        y = np.gradient(y) * RATE
+        y += part / hz * lfilter(pole.imag * difference, [1.0, -2.0 * pole.real, abs(pole) ** 2], force)
     noise = rng.standard_normal((samples, 2)) * [0.02, 2e-4 * np.abs(y).max()]
     return np.column_stack([force, y]) + noise
 
@@ -118,24 +118,24 @@ def test_hits_are_found_by_their_force_in_any_table(
     lines = [delimiter.join(f"{x:.7g}" for x in row).replace(".", decimal) for row in values]
     (tmp_path / "hit.csv").write_text("\n".join([heads, *lines]) + "\n", encoding="utf-8")
     made = ft.identify(tmp_path / "hit.csv", sampling_hz=RATE, band_hz=(20.0, 180.0))
-    assert [m.freq_hz for m in made.record.modes] == pytest.approx([m[0] for m in MODES], rel=2e-3)
-    # central differences of a response that is not far below half the sampling rate are no exact derivatives
-    assert [m.damping_ratio for m in made.record.modes] == pytest.approx([m[1] for m in MODES], rel=0.02)
+    assert [m.freq_hz for m in made.record.modes] == pytest.approx([m[0] for m in MODES], rel=5e-4)
+    assert [m.damping_ratio for m in made.record.modes] == pytest.approx([m[1] for m in MODES], rel=5e-3)
     codes = [n.code for n in made.found.notices]
     assert "identify.hits" in codes
     assert ("identify.hit-left-out" in codes) == (len(at) > 1)
 
 
 @pytest.mark.slow
-def test_no_pole_leaves_its_cluster_in_records_of_a_hit_with_coarse_lines(tmp_path: Path) -> None:
+def test_records_of_a_hit_with_coarse_lines_have_the_modes_of_the_structure_and_no_others(tmp_path: Path) -> None:
     for seed in range(8):
         rng = np.random.default_rng(seed)
         modes = tuple(zip(np.sort(rng.uniform(60.0, 320.0, 3)), rng.uniform(0.01, 0.08, 3), rng.uniform(0.5, 1.0, 3)))
         heads = {"header": "force,acceleration", "comments": "", "delimiter": ",", "fmt": "%.6g"}
         np.savetxt(tmp_path / "hit.csv", struck(2048, 2, seed=seed, modes=modes), **heads)
         made = ft.identify(tmp_path / "hit.csv", sampling_hz=RATE, band_hz=(50.0, 350.0))
-        for mode in made.record.modes:
-            assert mode.doubtful or min(abs(mode.freq_hz / hz - 1.0) for hz, _, _ in modes) < 0.03, (seed, mode)
+        # a pole that has left its cluster is doubtful
+        found = [mode.freq_hz for mode in made.record.modes if not mode.doubtful]
+        assert found == pytest.approx([hz for hz, _, _ in modes], rel=0.003), seed
 
 
 @pytest.mark.parametrize(

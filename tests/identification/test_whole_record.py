@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -164,6 +166,33 @@ def test_a_record_with_one_hit_must_begin_at_rest() -> None:
     record = one_hit(0, before=0.2)
     assert whole_record(record, "accelerance", *BAND, rest=samples_before(record)) is None
     assert whole_record(one_hit(0), "accelerance", *BAND, rest=2) is None
+
+
+def test_the_decays_that_the_end_cuts_off_are_those_of_the_hit_and_not_of_the_noise_of_its_force() -> None:
+    record = one_hit(0)
+    before = samples_before(record)
+    exact = whole_record(record, "accelerance", *BAND, rest=before)
+    values = record.values.copy()
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(record.samples)
+    values[2] += noise
+    whole = whole_record(replace(record, values=values), "accelerance", *BAND, rest=before)
+    assert exact is not None
+    assert exact.pulse is not None
+    assert whole is not None
+    assert whole.pulse is not None
+    # 5 samples, their low-pass, and those beside them, out of 2048
+    assert np.count_nonzero(whole.pulse) < 64
+    # without noise all but rounding is kept: 6 decimals of the columns
+    everything = replace(exact, pulse=record.values[2] - np.median(record.values[2]))
+    columns, all_columns = (one.basis(START, ("upper",)).columns for one in (exact, everything))
+    np.testing.assert_allclose(columns, all_columns, rtol=1e-6, atol=1e-6 * np.abs(all_columns).max())
+    # U at the lines is the same for the pulse with and without the noise
+    noisy, of_noise = (
+        replace(exact, pulse=pulse).basis(START, ("upper",)).columns for pulse in (whole.pulse, values[2])
+    )
+    away, away_of_noise = (np.abs(one - columns).max() for one in (noisy, of_noise))
+    assert away < 0.01 * np.abs(columns).max()
+    assert away < 0.2 * away_of_noise
 
 
 @pytest.mark.slow

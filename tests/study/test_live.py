@@ -9,6 +9,7 @@ import pytest
 
 import femtune as ft
 from femtune.reporting.html import html_text
+from femtune.steps.live.record import LiveConfiguration
 from femtune.steps.live.stored import stored_model
 from femtune.steps.report.build import build_report
 from femtune.steps.run.result import RunResult
@@ -76,9 +77,15 @@ def test_a_small_model_needs_no_solutions_and_is_right_everywhere(small: RunResu
     assert live is not None
     assert live.solutions == 0
     (one,) = live.configurations
-    assert (one.compared_with, one.dofs, one.order) == ("full model", 24, 24)
+    assert (one.dofs, one.order) == (24, 24)
     assert one.region is not None
-    assert one.region.points == one.bounds.points == 50
+    assert (one.region.compared_with, one.region.compared_order) == ("full model", 24)
+    assert (one.region.points, one.bounds.points, one.bounds.corners) == (50, 54, 4)
+    # every pair at every point
+    assert (one.region.mac_pairs, one.bounds.mac_pairs) == (50 * len(one.pairs), 54 * len(one.pairs))
+    assert one.bounds.chi_square_percent is not None
+    assert one.bounds.chi_square_percent < 1e-2
+    assert one.region_full is one.bounds_full is None
     worst, said = _worst(small, bench.folder, CANTILEVER, one.count)
     assert worst < 1e-4
     assert said < 1e-4
@@ -95,12 +102,39 @@ def test_the_updated_point_is_the_centre(small: RunResult) -> None:
     assert {p.name: p.updated for p in live.parameters} == {p.name: p.value for p in small.results.update.parameters}
 
 
-def test_chi_square_of_the_page_is_that_of_the_update(small: RunResult) -> None:
-    live, update = small.results.live, small.results.update
+def _square(one: LiveConfiguration, run: RunResult, freq_hz: np.ndarray, shapes: np.ndarray) -> dict[str, float]:
+    """Sum of squares by kind, from the record alone: single modes, shapes of unit norm or scaled to the test's."""
+    tests, mode, out = run.arrays[one.test_shapes_key], {p.test: p.mode for p in one.pairs}, dict[str, float]()
+    for part in one.parts:
+        psi, hz = tests[:, part.test], freq_hz[mode[part.test]] / one.test_freq_hz[part.test]
+        if part.quantity == "frequency":
+            values = np.array([(hz if part.form == "frequency" else hz**2) - 1.0])
+        else:
+            assert (part.quantity, part.form, part.weights_first) == ("shape", "unit-norm", None)
+            phi = shapes[:, mode[part.test]]
+            values = np.sign(phi @ psi) * phi / np.linalg.norm(phi) - psi / np.linalg.norm(psi)
+        out[part.kind] = out.get(part.kind, 0.0) + float(np.sum((values / part.sd) ** 2))
+    return out
+
+
+def test_chi_square_of_the_page_is_that_of_the_update(bench: Bench) -> None:
+    text = "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01\n"
+    # with masses that the test has not, so that there is something to sum up
+    bench.write("light.bdf", CANTILEVER.replace("       2.0\nSPC1", "       1.5\nSPC1"))
+    run = ft.run(bench.study(f"{_EI}\n{text}", deck="light.bdf"), output=bench.folder / "light")
+    live, update = run.results.live, run.results.update
     assert live is not None
     assert update is not None
+    assert update.goodness is not None
     assert live.others == ()
-    assert {p.kind for p in live.configurations[0].parts} == {c.kind for c in update.residual_counts}
+    (one,) = live.configurations
+    modes = stored_model(live, one.configuration, run.arrays)
+    found = modes.modes(modes.at)
+    squares = _square(one, run, found.freq_hz, run.arrays[one.sensors_key] @ found.shapes)
+    # at the optimum the parameters can change nothing of the residuals: the test of the fit has all of them
+    assert set(squares) == {k.kind for k in update.goodness.by_kind} == {"frequency", "shape"}
+    assert min(squares.values()) > 1.0
+    assert sum(squares.values()) == pytest.approx(update.goodness.chi_square, rel=1e-4)
 
 
 def test_an_added_mass_is_that_of_a_deck_with_it(small: RunResult, bench: Bench) -> None:
@@ -188,10 +222,92 @@ def test_larger_models_are_reduced_and_checked(bench: Bench, more: str) -> None:
     live = run.results.live
     assert live is not None
     (one,) = live.configurations
-    assert one.compared_with == "reduced model"
-    assert one.order <= one.compared_order < one.dofs == 288
-    assert one.reduced_error_percent is not None
-    assert bool(live.solutions) == ("output" in more)
-    worst, said = _worst(run, bench.folder, text, one.count)
-    assert worst < 2.0 * (said + one.reduced_error_percent) + 1e-4
-    assert said < 0.1
+    assert one.bounds.compared_with == "reduced model"
+    assert one.order <= one.bounds.compared_order < one.dofs == 288
+    # what was compared with the full model was solved for it
+    assert one.region_full is not None
+    assert one.bounds_full is not None
+    assert (one.bounds_full.compared_with, one.bounds_full.compared_order) == ("full model", 288)
+    assert (one.region_full.points, one.bounds_full.points) == (4, 4)
+    assert one.bounds_full.corners >= 1
+    assert live.solutions == 8 + (12 if "output" in more else 0)
+    worst, _ = _worst(run, bench.folder, text, one.count)
+    assert worst < 2.0 * one.bounds_full.frequency_percent + 1e-4
+    assert one.bounds_full.frequency_percent < 0.1
+
+
+def _wide(name: str, field: str, lower: float, upper: float) -> str:
+    return f'[[parameter]]\nname = "{name}"\nfields = ["{field}"]\nlower = {lower}\nupper = {upper}\n'
+
+
+def test_a_mechanism_has_no_modes(bench: Bench) -> None:
+    """Without stiffness at the root there is no frequency, also not one of rounding."""
+    study = bench.study(_wide("root", "PBAR 1 I1", 0.0, 3.0) + _wide("tip", "PBAR 2 I1", 0.5, 2.0))
+    run = ft.run(study, output=bench.folder / "mechanism")
+    live = run.results.live
+    assert live is not None
+    assert live.reason == live.narrowed == ""
+    (one,) = live.configurations
+    model = stored_model(live, one.configuration, run.arrays)
+    with pytest.raises(np.linalg.LinAlgError):
+        model.modes(np.array([-1.0, 0.0]))
+    assert len(model.modes(np.array([-0.9, 0.0])).freq_hz) == one.count
+    # the two corners at which the full model has none either are counted
+    assert (one.bounds.corners, one.bounds.without_modes) == (4, 2)
+    assert one.bounds.frequency_percent < 0.1
+
+
+def test_a_function_that_no_polynomial_follows_narrows_the_sliders(bench: Bench) -> None:
+    """1/x over bounds of ratio 2e5 needs a degree of thousands; about the 95 % region it does not."""
+    tie = '[[parameter]]\nname = "tip"\nfields = ["PBAR 2 I1"]\ntie = "1.1/root"\n'
+    study = bench.study(_wide("root", "PBAR 1 I1", 1e-4, 20.0) + tie)
+    run = ft.run(study, output=bench.folder / "steep")
+    live = run.results.live
+    assert live is not None
+    assert live.narrowed == (
+        "a coefficient of its matrices changes with root between the bounds too sharply for a polynomial of degree 224"
+    )
+    (p,) = live.parameters
+    assert p.interval_95 is not None
+    assert 1e-4 < p.lower < p.interval_95[0] < p.updated < p.interval_95[1] < p.upper < 20.0
+    (one,) = live.configurations
+    assert one.bounds.frequency_percent < 1e-3
+    page = html_text(build_report(run.results, run.arrays))
+    assert "The sliders end before the bounds: a coefficient of its matrices" in page
+    assert "ranges of the sliders" in page
+
+
+def test_pairs_of_rigid_body_modes_are_left_out(bench: Bench) -> None:
+    """Their frequencies are rounding: no two programs find the same ones."""
+    free = CANTILEVER.replace("SPC = 1\n", "").replace("SPC1    1       123456  1\n", "")
+    bench.write("free.bdf", free)
+    bench.uff(bench.measure(bench.write("truth/free.bdf", free.replace("2.0-7 ", "2.5-7 ", 1)), count=9), "free.uff")
+    study = bench.study(_EI, deck="free.bdf", test="free.uff")
+    study.write_text(study.read_text().replace("count = 6", "count = 10"))
+    run = ft.run(study, output=bench.folder / "free")
+    live = run.results.live
+    assert live is not None
+    assert live.reason == ""
+    (one,) = live.configurations
+    assert one.pairs
+    model = stored_model(live, one.configuration, run.arrays)
+    freq_hz = model.modes(model.at).freq_hz
+    assert min(freq_hz) < 1.0
+    assert min(freq_hz[p.mode] for p in one.pairs) > 10.0
+    assert {p.test for p in one.parts} <= {p.test for p in one.pairs}
+
+
+def test_a_rejected_fit_is_told_to_the_page(bench: Bench) -> None:
+    """What the data allow is not said of an update whose residuals are no noise."""
+    residuals = "[residuals]\nfrequency_sd = 0.0001\nshape_sd = 0.01\n"
+    bench.write("off.bdf", CANTILEVER.replace("7850.", "8300."))
+    run = ft.run(bench.study(f"{_EI}\n{residuals}", deck="off.bdf"), output=bench.folder / "rejected")
+    update = run.results.update
+    assert update is not None
+    assert update.goodness is not None
+    assert update.goodness.verdict == "fail"
+    assert '"rejected":true' in html_text(build_report(run.results, run.arrays))
+
+
+def test_a_fit_that_holds_is_no_rejected_one(small: RunResult) -> None:
+    assert '"rejected":false' in html_text(build_report(small.results, small.arrays))

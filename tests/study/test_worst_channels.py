@@ -51,6 +51,19 @@ def test_the_noisiest_output_is_held_out(bench: Bench) -> None:
 
 
 @pytest.mark.slow
+def test_the_input_of_a_hammer_that_roves_which_an_identified_system_fits_worst_is_held_out(bench: Bench) -> None:
+    exact = functions(bench.truth(TRULY, DAMPED), outputs=("3Y+",), inputs=("3Y+", "4Y+", "5Y+"))
+    chance = np.random.default_rng(3).standard_normal((2, *exact.values.shape))
+    part = np.array([1e-4, 0.05, 1e-4])[None, :, None]
+    bench.functions(replace(exact, values=exact.values * (1.0 + part * (chance[0] + 1j * chance[1]))))
+    found = load_study(study(bench, 'worst = 1\nby = "fit"'))
+    assert found.cases[0].held.functions == {(0, 1)}
+    (notice,) = [n for n in found.notices if n.code == "study.worst-held"]
+    assert "the largest error of the identified system" in notice.what
+    assert "1 of 3 inputs" in notice.what
+
+
+@pytest.mark.slow
 def test_the_output_that_an_identified_system_fits_worst_is_held_out(bench: Bench) -> None:
     noisy(bench, {"3Y+": 0.05})
     found = load_study(study(bench, 'worst = 1\nby = "fit"'))

@@ -40,14 +40,14 @@ export interface LiveTerm { kind: "stiffness" | "mass"; parameters: number[]; sh
 export interface LivePart {
   kind: string; quantity: "frequency" | "shape" | "mac"; form: string; test: number; sd: number; sensors: number[]; weights: number[] | null; common: number;
 }
-export interface LiveCertificate { points: number; frequency_percent: number; mac: number | null; reduced_percent: number | null }
+export interface LiveCertificate { other: string; points: number; corners: number; without_modes: number; frequency_percent: number; mac: number | null; chi_square_percent: number | null }
 export interface LiveConfiguration {
-  configuration: string; order: number; dofs: number; count: number; shift: number; theta: number[]; terms: LiveTerm[]; triangles: Packed; sensors: Packed;
+  configuration: string; order: number; count: number; shift: number; theta: number[]; terms: LiveTerm[]; triangles: Packed; sensors: Packed;
   test_labels: string[]; test_freq_hz: number[]; test_shapes: Packed; sensor_labels: string[]; mass_points: string[]; mass_rows: Packed | null; pairs: [number, number, number[]][]; parts: LivePart[];
-  region: LiveCertificate | null; bounds: LiveCertificate; checks: { x: number[]; eigenvalues: number[]; chi_square: number }[];
+  region: LiveCertificate[]; bounds: LiveCertificate[]; checks: { x: number[]; eigenvalues: number[]; chi_square: number }[];
 }
 export interface Live {
-  parameters: LiveParameter[]; mass_unit: string; x: number[]; region: LiveRegion | null; draws: LiveDraws | null; configurations: LiveConfiguration[]; others: { kind: string; chi_square: number }[];
+  parameters: LiveParameter[]; narrowed: boolean; rejected: boolean; mass_unit: string; x: number[]; region: LiveRegion | null; draws: LiveDraws | null; configurations: LiveConfiguration[]; others: { kind: string; chi_square: number }[];
 }
 export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null; stabilisation: Stabilisation | null; live: Live | null }
 

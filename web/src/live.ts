@@ -1,9 +1,9 @@
 // The live model: sliders for the parameters; frequencies, MAC, χ² and a moving shape that follow them.
 
 import { readView, type Live, type LiveParameter, type View } from "./data.ts";
-import { choice, h, labelled, save, shown, svg } from "./dom.ts";
-import { inRegion, type Solved } from "./livemodel.ts";
-import { certificateText, partsOf, studyLines, truthText, written } from "./livetext.ts";
+import { choice, h, hertz, labelled, RIGID_HZ, save, shown, svg } from "./dom.ts";
+import { inRegion, type AddedMass, type Solved } from "./livemodel.ts";
+import { certificateText, partsOf, size, studyLines, truthText, written } from "./livetext.ts";
 import type { Answer, LiveShape } from "./liveworker.ts";
 
 declare const WORKER: string;
@@ -11,13 +11,16 @@ declare const WORKER: string;
 const STEPS = 500;
 /** Models that pass by, and samples that must count for them. */
 const MODELS = 20, LEAST_EFFECTIVE = 10;
-const signed = (value: number, digits = 3) => (value > 0 ? "+" : "") + shown(value, digits);
+/** An error in %, and a sum of squares; neither shows the digits of rounding. */
+const signed = (value: number) => (Math.abs(value) < 1e-3 ? size(value) : (value > 0 ? "+" : "") + shown(value, 3));
+const square = (value: number | null | undefined) => (value != null && value < 1e-3 && value > 0 ? size(value) : shown(value));
+const cycles = (hz: number, digits = 5) => (hz > RIGID_HZ ? shown(hz, digits) : "0");
 
 class Slider {
   readonly element: HTMLElement;
   readonly range: HTMLInputElement;
   readonly number: HTMLInputElement;
-  constructor(readonly parameter: LiveParameter, k: number, changed: (value: number) => void) {
+  constructor(readonly parameter: LiveParameter, k: number, ends: string, changed: (value: number) => void) {
     const { name, unit, lower, upper, nominal, updated, interval } = parameter, id = `live-${k}`;
     const bound = (value: number) => Math.min(upper, Math.max(lower, value));
     this.range = h("input", { type: "range", id, min: 0, max: STEPS, step: 1, "aria-describedby": `${id}-marks`, input: () => changed(lower + (Number(this.range.value) / STEPS) * (upper - lower)) });
@@ -29,7 +32,7 @@ class Slider {
     const marks = svg("svg", { class: "marks", width: "100%", height: 12, "aria-hidden": "true" });
     if (interval) marks.append(svg("rect", { class: "interval", x: place(interval[0]), width: `${(100 * (bound(interval[1]) - bound(interval[0]))) / (upper - lower)}%`, y: 1, height: 5 }));
     marks.append(svg("rect", { class: "initial", x: place(nominal), width: 2, y: 0, height: 8 }), svg("rect", { class: "updated", x: place(updated), width: 2.5, y: 0, height: 12 }));
-    const words = `Bounds ${shown(lower)} to ${shown(upper)}; initial ${shown(nominal)}; updated ${shown(updated)}${interval ? `; 95 % interval ${shown(interval[0])} to ${shown(interval[1])}` : ""}`;
+    const words = `${ends} ${shown(lower)} to ${shown(upper)}; initial ${shown(nominal)}; updated ${shown(updated)}${interval ? `; 95 % interval ${shown(interval[0])} to ${shown(interval[1])}` : ""}`;
     this.element = h("div", { class: "slider", title: words },
       h("label", { for: id }, h("span", {}, unit ? `${name}, ${unit}` : name)), this.number,
       h("div", { class: "track" }, this.range, marks, h("span", { class: "ends", "aria-hidden": "true" }, h("span", {}, shown(lower, 3)), h("span", {}, shown(upper, 3)))),
@@ -85,7 +88,7 @@ export class LivePanel {
     this.off = live.configurations.map(() => new Set());
     this.first = live.configurations.map(() => null);
     this.test = live.configurations[0].pairs[0]?.[0] ?? -1;
-    this.sliders = live.parameters.map((p, k) => new Slider(p, k, (value) => this.set(k, value)));
+    this.sliders = live.parameters.map((p, k) => new Slider(p, k, live.narrowed ? "Range" : "Bounds", (value) => this.set(k, value)));
     this.configuration = choice("Configuration", live.configurations.map((c) => c.configuration), () => this.choose());
     this.lines = h("textarea", { readonly: true, rows: 6, "aria-label": "Values as lines for a study" });
     const address = URL.createObjectURL(new Blob([WORKER], { type: "text/javascript" }));
@@ -96,6 +99,9 @@ export class LivePanel {
   }
 
   private get at(): number { return this.configuration.select.selectedIndex; }
+  /** What the sliders reach, in words. */
+  private get reach(): string { return this.live.narrowed ? "the ranges of the sliders" : "the bounds"; }
+  private get added(): AddedMass | null { return this.mass ? { point: this.point, mass: this.mass } : null; }
   private get x(): number[] { return this.live.parameters.map((p, i) => (this.values[i] - p.nominal) / p.scale); }
 
   private build(): void {
@@ -110,7 +116,7 @@ export class LivePanel {
     this.element.replaceChildren(
       h("div", { class: "columns" },
         h("fieldset", { class: "sliders" }, h("legend", {}, "Parameters"), legend, ...this.sliders.map((s) => s.element),
-          h("p", { class: "tools" }, button("Back to the update", () => { this.stop(); this.setAll((p) => p.updated); }), button("Initial values", () => { this.stop(); this.setAll((p) => p.nominal); }))),
+          h("p", { class: "tools" }, button("Back to the update", () => { this.stop(); this.setAll((p) => p.updated); }), this.live.parameters.every((p) => p.lower <= p.nominal && p.nominal <= p.upper) ? button("Initial values", () => { this.stop(); this.setAll((p) => p.nominal); }) : null)),
         h("div", { class: "answers" }, this.where, this.truth, this.certificate, h("div", { class: "controls" }, this.configuration.label),
           table("Frequencies and MAC now", ["Test mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
           table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.host)),
@@ -123,13 +129,13 @@ export class LivePanel {
   /** Questions about the region. */
   private fillAsks(): void {
     const button = (text: string, act: () => void) => h("button", { type: "button", click: act }, text), { live } = this;
-    const where = live.region ? "the 95 % region" : "the bounds";
+    const where = live.region ? "the 95 % region" : this.reach;
     const ask = (sign: number) => () => {
       this.stop();
       this.told.textContent = "…";
-      this.worker.postMessage({ kind: "extreme", configuration: this.at, test: this.test, sign });
+      this.worker.postMessage({ kind: "extreme", configuration: this.at, test: this.test, sign, added: this.added });
     };
-    const show = button("Models that the data allow", () => { this.told.textContent = "…"; this.worker.postMessage({ kind: "allowed", count: MODELS }); });
+    const show = button(live.rejected ? "Models within the limit" : "Models that the data allow", () => { this.told.textContent = "…"; this.worker.postMessage({ kind: "allowed", count: MODELS }); });
     const step = (by: number) => () => { this.stop(); this.showModel(this.chosen + by); };
     const play = button("Play", () => (this.timer ? this.stop() : this.play()));
     play.classList.add("play");
@@ -142,11 +148,13 @@ export class LivePanel {
   private takeExtreme(test: number, sign: number, found: { x: number[]; freq_hz: number } | null): void {
     const c = this.live.configurations[this.at], first = this.first[this.at], column = first?.pairs[test]?.column ?? -1;
     if (!found || !first || column < 0) { this.told.textContent = "The test mode has no partner."; return; }
-    const where = this.live.region ? "the 95 % region of the update (linearised)" : "the bounds";
+    const where = this.live.region ? "the 95 % region of the update (linearised)" : this.reach;
     this.models.hidden = true;
-    this.told.textContent = `${sign < 0 ? "Lowest" : "Highest"} frequency of test mode ${c.test_labels[test]} in ${where}: ${shown(found.freq_hz, 5)} Hz; updated ${shown(first.freq_hz[column], 5)} Hz, test ${shown(c.test_freq_hz[test])} Hz. Found by steps from the update; the sliders stand at these values.`;
+    this.told.textContent = `${sign < 0 ? "Lowest" : "Highest"} frequency of test mode ${c.test_labels[test]} in ${where}${this.mass ? `, with ${this.massText()}` : ""}: ${shown(found.freq_hz, 5)} Hz; updated${this.mass ? " without the mass" : ""} ${shown(first.freq_hz[column], 5)} Hz, test ${shown(c.test_freq_hz[test])} Hz. Found by steps from the update; the sliders stand at these values.`;
     this.setAll((p, i) => p.nominal + p.scale * found.x[i]);
   }
+
+  private massText(): string { return `a mass of ${shown(this.mass)} ${this.live.mass_unit}`.trimEnd() + ` at ${this.live.configurations[this.at].mass_points[this.point]}`; }
 
   private takeAllowed(models: number[][], effective: number, weighed: boolean): void {
     const { source, reason, x } = this.live.draws!;
@@ -172,7 +180,8 @@ export class LivePanel {
   private showModel(k: number): void {
     const n = this.allowed.length;
     this.chosen = (k + n) % n;
-    this.told.textContent = `Model ${this.chosen + 1} of ${n}: ${this.source}.`;
+    const rejected = this.live.rejected ? " The fit of the update was rejected: these models are as near to the data as the update is, and that is not as near as the stated errors allow." : "";
+    this.told.textContent = `Model ${this.chosen + 1} of ${n}: ${this.source}.${rejected}`;
     this.setAll((p, i) => p.nominal + p.scale * this.allowed[this.chosen][i]);
   }
 
@@ -249,12 +258,12 @@ export class LivePanel {
     this.asked = performance.now();
     // the configuration that is shown comes first
     const rest = this.live.configurations.map((_, k) => k).filter((k) => k !== this.at);
-    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)), added: this.mass ? { configuration: this.at, mass: { point: this.point, mass: this.mass } } : null });
+    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)), added: this.added && { configuration: this.at, mass: this.added } });
   }
 
   private take(answer: Answer): void {
     if (answer.kind === "ready") {
-      if (!answer.verified) { this.failed("this browser does not find the frequencies that femtune found at the check points"); return; }
+      if (!answer.verified) { this.failed("the numbers at the check points are not those that femtune found"); return; }
       this.build();
       return;
     }
@@ -282,12 +291,12 @@ export class LivePanel {
     const same = this.live.parameters.every((p, i) => p.updated === this.values[i]);
     const inside = region ? inRegion(region, this.x) : null;
     this.element.classList.toggle("outside", inside !== null && inside > 1);
-    this.where.textContent = same ? "These are the updated values." : inside === null ? "Within the bounds. The update gives no distribution of the parameters."
+    this.where.textContent = same ? "These are the updated values." : inside === null ? `Within ${this.reach}. The update gives no distribution of the parameters.`
       : inside <= 1 ? "Within the 95 % region of the update (linearised)."
       : `Outside the 95 % region of the update (linearised), ${inside < 1.21 ? "just beyond its edge" : `${shown(Math.sqrt(inside), 2)} times as far as its edge`}.`;
-    if (this.mass) this.where.textContent += ` A mass of ${shown(this.mass)} ${this.live.mass_unit} is added at ${c.mass_points[this.point]}.`;
-    const useRegion = c.region && ((inside !== null && inside <= 1) || same);
-    this.certificate.textContent = useRegion ? certificateText(c.region!, "of the 95 % region") : certificateText(c.bounds, "within the bounds");
+    if (this.mass) { const text = this.massText(); this.where.textContent += ` ${text[0].toUpperCase()}${text.slice(1).replace(" at ", " is added at ")}.`; }
+    const useRegion = c.region.length && ((inside !== null && inside <= 1) || same);
+    this.certificate.textContent = useRegion ? certificateText(c.region, "of the 95 % region") : certificateText(c.bounds, `within ${this.reach}`);
   }
 
   private fill(): void {
@@ -300,7 +309,7 @@ export class LivePanel {
       const head = hz !== null && this.view.scenes.some((s) => s.configuration === c.configuration && s.live)
         ? h("button", { type: "button", class: "show", "aria-pressed": String(test === this.test), "aria-label": `Show the shape of test mode ${label}`, click: () => { this.test = test; this.openWindow(); this.ask(); } }, label) : label;
       return h("tr", { class: test === this.test ? "chosen" : "" }, h("th", { scope: "row" }, head), cell(shown(c.test_freq_hz[test])),
-        cell(before && before.column >= 0 ? shown(first!.freq_hz[before.column], 5) : "–"), cell(hz === null ? "–" : shown(hz, 5)), cell(error === null ? "–" : signed(error)),
+        cell(before && before.column >= 0 ? cycles(first!.freq_hz[before.column]) : "–"), cell(hz === null ? "–" : cycles(hz)), cell(error === null ? "–" : signed(error)),
         h("td", { class: "right" }, pair?.mac == null ? "–" : pair.mac.toFixed(3), better === null ? null : h("small", {}, ` mode ${better + 1} is more alike`)));
     }));
   }
@@ -318,7 +327,7 @@ export class LivePanel {
     const now = this.mass ? null : whole(this.solved), first = whole(this.first);
     const kinds = Object.keys(first ?? {}), total = (of: Record<string, number> | null) => of && kinds.reduce((sum, k) => sum + of[k], 0) + this.live.others.reduce((sum, o) => sum + o.chi_square, 0);
     const line = (name: string, a: number | null | undefined, b: number | null | undefined, muted = false) =>
-      h("tr", { class: muted ? "muted" : "" }, h("th", { scope: "row" }, name), h("td", { class: "right" }, shown(a)), h("td", { class: "right" }, shown(b)));
+      h("tr", { class: muted ? "muted" : "" }, h("th", { scope: "row" }, name), h("td", { class: "right" }, square(a)), h("td", { class: "right" }, square(b)));
     this.truth.textContent = first && now ? truthText(this.live, first, now) : "";
     this.truth.classList.toggle("poor", this.truth.textContent.endsWith("against these values."));
     this.parts.replaceChildren(...kinds.map((k) => line(k, first?.[k], now?.[k])),
@@ -327,7 +336,9 @@ export class LivePanel {
 
   private draw(shape: LiveShape): void {
     const c = this.live.configurations[shape.configuration], now = this.solved[shape.configuration]!;
-    const title = `Test mode ${c.test_labels[shape.test]}, ${shown(c.test_freq_hz[shape.test])} Hz, and model mode ${shape.column + 1} with these values, ${shown(now.freq_hz[shape.column])} Hz`;
+    const list = (texts: (string | number)[]) => texts.join(" and "), several = shape.columns.length > 1;
+    const which = several ? `the combination of the close model modes ${list(shape.columns.map((k) => k + 1))} that is nearest to it` : `model mode ${shape.columns[0] + 1} with these values`;
+    const title = `Test mode ${c.test_labels[shape.test]}, ${shown(c.test_freq_hz[shape.test])} Hz, and ${which}, ${list(shape.columns.map((k) => hertz(now.freq_hz[k])))}`;
     document.dispatchEvent(new CustomEvent("femtune:live-shape", { detail: { motion: shape.motion, factor: shape.factor, test: c.test_labels[shape.test], title } }));
   }
 

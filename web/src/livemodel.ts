@@ -6,6 +6,8 @@ import { polarFactor, solveDense } from "./dense.ts";
 import { largestPairs } from "./eigen.ts";
 
 const MASSLESS = 1e-14, LEAST_MASS = 1e-6;
+/** λ over |σ| below which a mode has no frequency, without and with an added mass; as femtune.model.live.matrices. */
+const STILL = 1e-4, STILL_WITH_MASS = 1e-6;
 
 export interface Modes { eigenvalues: Float64Array; freq_hz: Float64Array; shapes: Float64Array[]; mass: Float64Array }
 /** A mass at one of the points that carry one. */
@@ -91,8 +93,8 @@ export function subspaceMac(shapes: Float64Array[], test: Float64Array): number 
 }
 
 /** Eigenvalues and shapes of the combinations of close modes that are nearest to test shapes, as femtune.residuals.aligned. */
-export function aligned(shapes: Float64Array[], eigenvalues: number[], tests: Float64Array[]): { eigenvalues: number[]; shapes: Float64Array[] } {
-  if (shapes.length === 1) return { eigenvalues, shapes };
+export function aligned(shapes: Float64Array[], eigenvalues: number[], tests: Float64Array[]): { eigenvalues: number[]; shapes: Float64Array[]; parts: number[][] } {
+  if (shapes.length === 1 || !shapes[0].length) return { eigenvalues, shapes, parts: shapes.map((_, i) => shapes.map((_s, j) => (i === j ? 1 : 0))) };
   const columns = tests.map((b) => {
     const rows = Array.from(b.keys()).filter((i) => !Number.isNaN(b[i]));
     const inner = (p: Float64Array, q: Float64Array) => rows.reduce((sum, i) => sum + p[i] * q[i], 0);
@@ -103,6 +105,7 @@ export function aligned(shapes: Float64Array[], eigenvalues: number[], tests: Fl
   return {
     eigenvalues: Q.map((q) => q.reduce((sum, v, a) => sum + v * v * eigenvalues[a], 0)),
     shapes: Q.map((q) => shapes[0].map((_, s) => q.reduce((sum, v, a) => sum + v * shapes[a][s], 0))),
+    parts: Q.map((q) => Array.from(q)),
   };
 }
 
@@ -113,6 +116,8 @@ export class LiveModel {
   readonly tests: Float64Array[];
   private readonly weights: Map<LivePart, Float64Array>;
   private readonly massRows: Float64Array | null;
+  /** Rigid-body modes of the updated point. */
+  private readonly rigid: number;
 
   constructor(readonly data: LiveConfiguration, readonly lower: number[], readonly upper: number[]) {
     const { order, theta } = data, n = (order * (order + 1)) / 2;
@@ -120,13 +125,14 @@ export class LiveModel {
     this.triangles = data.terms.map((t, k) => Float64Array.from(all.subarray(k * n, (k + 1) * n), (v) => v * t.scale));
     this.size = Float64Array.from(theta, (t) => Math.sqrt(Math.max(t, LEAST_MASS * Math.max(...theta))));
     this.sensors = unpackDouble(data.sensors);
+    this.rigid = theta.filter((t) => t > MASSLESS * Math.max(...theta) && data.shift + 1 / t < STILL * Math.abs(data.shift)).length;
     this.massRows = data.mass_rows && unpackDouble(data.mass_rows);
     const shapes = unpackDouble(data.test_shapes), modes = data.test_labels.length, count = modes ? shapes.length / modes : 0;
     this.tests = data.test_labels.map((_, i) => Float64Array.from({ length: count }, (_, s) => shapes[s * modes + i]));
     this.weights = new Map(data.parts.filter((p) => p.weights).map((p) => [p, Float64Array.from(p.weights!)]));
   }
 
-  /** The lowest modes, with a mass at a point where one is added; null where the model has none. */
+  /** The lowest modes, with a mass at a point where one is added; null where the model has none, or a motion without stiffness. */
   modes(x: ArrayLike<number>, added: AddedMass | null = null): Modes | null {
     const { order: n, theta, shift, terms } = this.data;
     const sums = { stiffness: new Float64Array((n * (n + 1)) / 2), mass: new Float64Array((n * (n + 1)) / 2) };
@@ -151,6 +157,8 @@ export class LiveModel {
       values.push(shift + 1 / t);
       shapes.push(found.vectors.slice(k * n, (k + 1) * n).map((v) => v / Math.sqrt(t)));
     }
+    const still = (added ? STILL_WITH_MASS : STILL) * Math.abs(shift);
+    if (values.filter((v) => v < still).length > this.rigid) return null;
     const eigenvalues = Float64Array.from(values);
     return { eigenvalues, freq_hz: eigenvalues.map((v) => Math.sqrt(Math.max(v, 0)) / (2 * Math.PI)), shapes, mass };
   }
@@ -230,16 +238,23 @@ export class LiveModel {
     return { freq_hz: modes.freq_hz, pairs, mac, squares, common: [u2, ur], chiSquare };
   }
 
-  /** Eigenvalue and shape at the sensors of what each test mode is compared with. */
-  private motions(modes: Modes, become: Map<number, number>, seen: Float64Array[]): Map<number, { eigenvalue: number; shape: Float64Array }> {
-    const out = new Map<number, { eigenvalue: number; shape: Float64Array }>();
+  /** Eigenvalue and shape at the sensors of what each test mode is compared with, and the modes that it is a combination of. */
+  private motions(modes: Modes, become: Map<number, number>, seen: Float64Array[]): Map<number, { eigenvalue: number; shape: Float64Array; columns: number[]; parts: number[] }> {
+    const out = new Map<number, { eigenvalue: number; shape: Float64Array; columns: number[]; parts: number[] }>();
     if (!become.size) return out;
     for (const key of new Set(this.data.pairs.map(([, , old]) => old.join()))) {
       const of = this.data.pairs.filter(([, , old]) => old.join() === key), columns = of[0][2].map((j) => become.get(j)!);
       const found = aligned(columns.map((c) => seen[c]), columns.map((c) => modes.eigenvalues[c]), of.map(([test]) => this.tests[test]));
-      of.forEach(([test], i) => out.set(test, { eigenvalue: found.eigenvalues[i], shape: found.shapes[i] }));
+      of.forEach(([test], i) => out.set(test, { eigenvalue: found.eigenvalues[i], shape: found.shapes[i], columns, parts: found.parts[i] }));
     }
     return out;
+  }
+
+  /** The shape (order,) that a test mode is compared with and its modes: of close modes the combination nearest to the test's. */
+  compared(modes: Modes, test: number): { shape: Float64Array; columns: number[] } | null {
+    const own = this.motions(modes, this.followed(modes), modes.shapes.map((s) => this.seen(s))).get(test);
+    if (!own) return null;
+    return { shape: modes.shapes[0].map((_, i) => own.columns.reduce((sum, c, a) => sum + own.parts[a] * modes.shapes[c][i], 0)), columns: own.columns };
   }
 
   private residuals(part: LivePart, eigenvalue: number, seen: Float64Array): Float64Array {

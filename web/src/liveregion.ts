@@ -2,7 +2,7 @@
 
 import { unpackDouble, type LiveDraws, type LiveRegion } from "./data.ts";
 import { solveDense } from "./dense.ts";
-import { inRegion, polynomial, type LiveModel, type Modes } from "./livemodel.ts";
+import { inRegion, polynomial, type AddedMass, type LiveModel, type Modes } from "./livemodel.ts";
 
 export interface Allowed { models: number[][]; effective: number; weighed: boolean }
 
@@ -87,10 +87,13 @@ export function linearOptimum(region: LiveRegion | null, x: number[], g: number[
 
 export interface Extreme { x: number[]; freq_hz: number }
 
-/** The lowest (sign −1) or highest (sign 1) frequency of a test mode's partner in the region, by steps that stay in it. */
-export function extreme(model: LiveModel, region: LiveRegion | null, start: number[], test: number, sign: number): Extreme | null {
+/**
+ * The lowest (sign −1) or highest (sign 1) frequency of a test mode's partner in the region, by steps that stay in it;
+ * with the mass that is added, which does not depend on the parameters.
+ */
+export function extreme(model: LiveModel, region: LiveRegion | null, start: number[], test: number, sign: number, added: AddedMass | null = null): Extreme | null {
   const at = (x: number[]) => {
-    const modes = model.modes(x), column = modes ? model.follow(modes).get(test) : undefined;
+    const modes = model.modes(x, added), column = modes ? model.follow(modes).get(test) : undefined;
     return modes && column !== undefined && column >= 0 ? { modes, column, value: modes.eigenvalues[column] } : null;
   };
   let x = start.slice(), here = at(x);

@@ -33,20 +33,27 @@ export function scaledSquares(parts: Record<string, number>, factors: Record<str
 
 /** What the true χ² says of the values; "" where a part of it is not computed again, or without a region. */
 export function truthText(live: Live, first: Record<string, number>, now: Record<string, number>): string {
-  const { region, draws, others } = live;
+  const { region, draws, others, rejected } = live;
   if (!region || others.length || draws?.reason) return "";
   const factors = draws?.factors ?? {}, change = scaledSquares(now, factors) - scaledSquares(first, factors);
-  const limit = region.limit * (1 - inRegion(region, live.x));
+  const limit = region.limit * (1 - inRegion(region, live.x)), inside = change <= limit;
   const scaled = Object.values(factors).some((f) => f !== 1) ? ", with the factors on the standard deviations" : "";
-  const verdict = change <= limit ? "the data allow these values." : "the data speak against these values.";
+  const verdict = rejected ? `${inside ? "within" : "beyond"} the limit. The fit of the update was rejected, so that this compares these values with the update and does not say that the data allow either.`
+    : inside ? "the data allow these values, if the errors are as large as they were taken to be." : "the data speak against these values.";
   return `χ² itself differs from that of the update by ${change > 0 ? "+" : ""}${shown(Math.abs(change) < 5e-4 ? 0 : change, 3)}${scaled}; 95 % limit ${shown(limit, 3)}: ${verdict}`;
 }
 
-/** What is said of the errors at a point. */
-export function certificateText(c: LiveCertificate, where: string): string {
-  const size = (value: number) => (value < 1e-4 ? "less than 0.0001" : shown(value, 2));
-  const mac = c.mac === null ? "" : `, and the MAC by ${size(c.mac)}`;
-  const of = c.reduced_percent === null ? "the full model" : "the reduced model that it was made of";
-  const own = c.reduced_percent === null ? "" : ` That model itself differs from the full one by ${size(c.reduced_percent)} %, as far as it was compared.`;
-  return `Errors of these numbers: frequencies differ from ${of} by ${size(c.frequency_percent)} %${mac}, the largest of ${c.points} points ${where}.${own}`;
+/** A size that may be rounding. */
+export const size = (value: number) => (Math.abs(value) < 1e-3 ? "<\u00a00.001" : shown(value, 2));
+
+/** What is said of the errors at a point: what was compared with what, and where. */
+export function certificateText(all: LiveCertificate[], where: string): string {
+  const one = (c: LiveCertificate) => {
+    const parts = [`frequencies ${size(c.frequency_percent)} %`];
+    if (c.mac !== null) parts.push(`MAC ${size(c.mac)}`);
+    if (c.chi_square_percent !== null) parts.push(`χ² ${size(c.chi_square_percent)} %`);
+    const corners = c.corners ? `, ${c.corners} of them corners` : "", without = c.without_modes ? `; at ${c.without_modes} of them neither has modes` : "";
+    return `from ${c.other} at ${c.points} points ${where}${corners}${without}: ${parts.join(", ")}`;
+  };
+  return `Largest differences that were found ${all.map(one).join("; ")}.`;
 }

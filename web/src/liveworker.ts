@@ -10,9 +10,9 @@ export interface Solve { kind: "solve"; id: number; x: number[]; configurations:
 /** Asks for models that the data allow. */
 export interface AskAllowed { kind: "allowed"; count: number }
 /** Asks for the lowest (−1) or highest (1) frequency of a test mode in the region. */
-export interface AskExtreme { kind: "extreme"; configuration: number; test: number; sign: number }
-/** A shape that is drawn: motion (points, 3), factor from the test's shape to it, and the partner. */
-export interface LiveShape { configuration: number; test: number; column: number; motion: Float32Array; factor: number }
+export interface AskExtreme { kind: "extreme"; configuration: number; test: number; sign: number; added: AddedMass | null }
+/** A shape that is drawn: motion (points, 3), factor from the test's shape to it, and the modes that it is a combination of. */
+export interface LiveShape { configuration: number; test: number; columns: number[]; motion: Float32Array; factor: number }
 export type Answer =
   | { kind: "ready"; verified: boolean }
   | { kind: "allowed"; allowed: Allowed }
@@ -35,15 +35,15 @@ function begin(given: Begin): void {
 function solve({ id, x, configurations, shape, off, added }: Solve): void {
   configurations.forEach((k, i) => {
     const model = models[k], modes = model.modes(x, added?.configuration === k ? added.mass : null), solved = modes && model.solve(modes, off[k]);
-    const drawn = modes && solved && shape?.configuration === k ? shapeOf(k, shape.test, modes, solved) : null;
+    const drawn = modes && solved && shape?.configuration === k ? shapeOf(k, shape.test, modes) : null;
     answer({ kind: "solved", id, configuration: k, solved, shape: drawn, last: i === configurations.length - 1 }, drawn ? [drawn.motion.buffer] : []);
   });
 }
 
-function shapeOf(k: number, test: number, modes: Modes, solved: Solved): LiveShape | null {
-  const with_ = drawing[k], column = solved.pairs[test].column;
-  if (!with_ || column < 0) return null;
-  const y = modes.shapes[column], n = y.length, parts = new Float64Array(with_.count);
+function shapeOf(k: number, test: number, modes: Modes): LiveShape | null {
+  const with_ = drawing[k], own = with_ && models[k].compared(modes, test);
+  if (!with_ || !own) return null;
+  const y = own.shape, n = y.length, parts = new Float64Array(with_.count);
   for (let a = 0; a < with_.count; a++) for (let i = 0; i < n; i++) parts[a] += with_.weights[a * n + i] * y[i];
   const motion = new Float32Array(with_.vectors.length / with_.count);
   for (let p = 0, at = 0; p < motion.length; p++) {
@@ -54,7 +54,7 @@ function shapeOf(k: number, test: number, modes: Modes, solved: Solved): LiveSha
   const seen = models[k].seen(y), measured = models[k].tests[test];
   let inner = 0, square = 0;
   for (let s = 0; s < seen.length; s++) if (!Number.isNaN(measured[s])) { inner += seen[s] * measured[s]; square += measured[s] * measured[s]; }
-  return { configuration: k, test, column, motion, factor: square > 0 ? inner / square : 1 };
+  return { configuration: k, test, columns: own.columns, motion, factor: square > 0 ? inner / square : 1 };
 }
 
 function answer(message: Answer, transfer: Transferable[] = []): void { (self as unknown as Worker).postMessage(message, transfer); }
@@ -83,5 +83,5 @@ self.onmessage = ({ data }: MessageEvent<Begin | Solve | AskAllowed | AskExtreme
   if (data.kind === "begin") begin(data);
   else if (data.kind === "solve") solve(data);
   else if (data.kind === "allowed") allowed(data);
-  else answer({ kind: "extreme", test: data.test, sign: data.sign, extreme: extreme(models[data.configuration], live.region, live.x, data.test, data.sign) });
+  else answer({ kind: "extreme", test: data.test, sign: data.sign, extreme: extreme(models[data.configuration], live.region, live.x, data.test, data.sign, data.added) });
 };

@@ -5,7 +5,7 @@ import test from "node:test";
 import { largestPairs } from "../src/eigen.ts";
 import { aligned, assignment, chebyshev, differences, inRegion, LiveModel, macOf, polynomial, subspaceMac, verified } from "../src/livemodel.ts";
 import { eigenvalueGradient, extreme, linearOptimum, logWeights, resampled } from "../src/liveregion.ts";
-import { certificateText, partsOf, scaledSquares, studyLines, truthText } from "../src/livetext.ts";
+import { certificateText, partsOf, scaledSquares, size, studyLines, truthText } from "../src/livetext.ts";
 import type { LiveConfiguration, Packed } from "../src/data.ts";
 
 /** Numbers between −1 and 1 that every language makes alike. */
@@ -133,7 +133,10 @@ test("close modes are turned to the test's shapes", () => {
   const found = aligned([a, b], [4, 9], [turned[0].map((v) => 3 * v), turned[1]]);
   found.shapes.forEach((shape, k) => shape.forEach((v, i) => assert.ok(Math.abs(v - turned[k][i]) < 1e-12)));
   assert.ok(Math.abs(found.eigenvalues[0] - (4 * c * c + 9 * s * s)) < 1e-12);
-  assert.deepEqual(aligned([a], [4], [b]), { eigenvalues: [4], shapes: [a] });
+  found.parts.forEach((q, k) => q.forEach((v, i) => assert.ok(Math.abs(v - [[c, s], [-s, c]][k][i]) < 1e-12)));
+  assert.deepEqual(aligned([a], [4], [b]), { eigenvalues: [4], shapes: [a], parts: [[1]] });
+  const none = new Float64Array();
+  assert.deepEqual(aligned([none, none], [4, 9], [none, none]).parts, [[1, 0], [0, 1]], "without sensors the modes stay as they are");
 });
 
 test("frequencies with an error that all share count less", () => {
@@ -144,8 +147,13 @@ test("frequencies with an error that all share count less", () => {
 
 test("what the true sum of squares says beside the limit of the region", () => {
   const region = { moving: [0], at: [0], rows: [1], offset: [0], limit: 4, centre: [0], precision: [1], radius_square: 4 };
-  const live = { region, x: [0], draws: null, others: [], mass_unit: "kg", parameters: [], configurations: [] };
-  assert.match(truthText(live, { frequency: 1 }, { frequency: 4.5 }), /differs from that of the update by \+3\.5; 95 % limit 4: the data allow these values\.$/);
+  const live = { region, x: [0], draws: null, others: [], narrowed: false, rejected: false, mass_unit: "kg", parameters: [], configurations: [] };
+  assert.match(truthText(live, { frequency: 1 }, { frequency: 4.5 }), /differs from that of the update by \+3\.5; 95 % limit 4: the data allow these values, if the errors are as large as they were taken to be\.$/);
+  for (const [value, word] of [[4.5, "within"], [5.5, "beyond"]] as const) {
+    const text = truthText({ ...live, rejected: true }, { frequency: 1 }, { frequency: value });
+    assert.match(text, new RegExp(`${word} the limit\\. The fit of the update was rejected`));
+    assert.doesNotMatch(text, /the data allow these values|speak against/);
+  }
   assert.match(truthText(live, { frequency: 1 }, { frequency: 5.5 }), /the data speak against these values\.$/);
   assert.equal(truthText({ ...live, others: [{ kind: "FRF", chi_square: 1 }] }, { frequency: 1 }, { frequency: 4.5 }), "");
 });
@@ -153,7 +161,11 @@ test("what the true sum of squares says beside the limit of the region", () => {
 test("values as lines of a study, and what is said of errors", () => {
   const p = { name: "Icx1", unit: "", nominal: 1, updated: 0.6, lower: 0.2, upper: 3, scale: 1, interval: null };
   assert.equal(studyLines([p], [0.61234567]), '[[parameter]]\nname = "Icx1"\nnominal = 0.612346\n');
-  assert.match(certificateText({ points: 50, frequency_percent: 0.0123, mac: 1e-9, reduced_percent: 0.002 }, "of the 95 % region"), /by 0\.012 %, and the MAC by less than 0\.0001, the largest of 50 points of the 95 % region\. That model itself differs from the full one by 0\.002 %/);
+  const full = { other: "the full model", points: 4, corners: 2, without_modes: 0, frequency_percent: 0.0123, mac: 1e-9, chi_square_percent: 2 };
+  const reduced = { ...full, other: "the reduced model of order 60", points: 82, corners: 32, without_modes: 3, mac: null, chi_square_percent: null };
+  assert.equal(certificateText([full, reduced], "within the bounds"), "Largest differences that were found from the full model at 4 points within the bounds, 2 of them corners: "
+    + "frequencies 0.012 %, MAC <\u00a00.001, χ² 2 %; from the reduced model of order 60 at 82 points within the bounds, 32 of them corners; at 3 of them neither has modes: frequencies 0.012 %.");
+  assert.equal(size(1e-14), "<\u00a00.001");
 });
 
 function packed(values: Float64Array, shape: number[]): Packed {
@@ -169,14 +181,14 @@ function chain(check: number): LiveModel {
   const basis = raw.map((v, i) => v.map((e) => e / Math.sqrt(lambda[i] - shift)));
   const term = (a: number, b: number) => basis[a].reduce((sum, va, i) => sum + basis[b].reduce((inner, vb, j) => inner + va * added[i][j] * vb, 0), 0);
   const data: LiveConfiguration = {
-    configuration: "chain", order: 2, dofs: 2, count: 2, shift, theta: lambda.map((l) => 1 / (l - shift)),
+    configuration: "chain", order: 2, count: 2, shift, theta: lambda.map((l) => 1 / (l - shift)),
     terms: [{ kind: "stiffness", parameters: [0], shape: [2], coefficients: [0, 1], scale: 1 }],
     triangles: packed(Float64Array.of(term(0, 0), term(0, 1), term(1, 1)), [1, 3]),
     sensors: packed(Float64Array.of(basis[0][0], basis[1][0], basis[0][1], basis[1][1]), [2, 2]),
     sensor_labels: ["1X+", "2X+"], mass_points: ["grid 1"],
     mass_rows: packed(Float64Array.of(basis[0][0], basis[1][0], 0, 0, 0, 0), [1, 3, 2]), test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0, [0]]],
     parts: [{ kind: "frequency", quantity: "frequency", form: "eigenvalue", test: 0, sd: 0.5, sensors: [], weights: null, common: 0 }],
-    region: null, bounds: { points: 1, frequency_percent: 0, mac: null, reduced_percent: null },
+    region: [], bounds: [],
     checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0 }],
   };
   return new LiveModel(data, [-1], [1]);
@@ -202,4 +214,34 @@ test("modes of a chain of two masses", () => {
   assert.ok(verified(right));
   right.data.checks[0].eigenvalues[1] *= 1 + 1e-5;
   assert.ok(!verified(right));
+});
+
+test("the shape of close modes that is drawn is the combination that is nearest to the test's", () => {
+  const { data } = chain(0), shapes = [[1, 0.2], [-0.2, 1]], close = { ...data, pairs: [[0, 0, [0, 1]], [1, 1, [0, 1]]] as [number, number, number[]][],
+    test_labels: ["1", "2"], test_freq_hz: [0.1, 0.2], test_shapes: packed(Float64Array.of(shapes[0][0], shapes[1][0], shapes[0][1], shapes[1][1]), [2, 2]) };
+  const model = new LiveModel(close, [-1], [1]), modes = model.modes([0])!;
+  for (const test of [0, 1]) {
+    const { shape, columns } = model.compared(modes, test)!;
+    assert.deepEqual(columns, [0, 1]);
+    assert.ok(macOf(model.seen(shape), model.tests[test]) > 1 - 1e-12);
+    assert.ok(macOf(model.seen(modes.shapes[test]), model.tests[test]) < 0.9, "no single mode is this shape");
+  }
+  const single = chain(0), own = single.modes([0])!;
+  assert.deepEqual(single.compared(own, 0)!.columns, [0]);
+});
+
+test("a motion without stiffness is no mode", () => {
+  const model = chain(0);
+  assert.equal(model.modes([-1]), null);
+  assert.equal(model.modes([-0.99999]), null);
+  assert.ok(model.modes([-0.99]));
+  // a heavy mass is no loss of stiffness
+  assert.ok(model.modes([0], { point: 0, mass: 1e4 }));
+  assert.equal(model.modes([-1], { point: 0, mass: 1 }), null);
+});
+
+test("a question is answered with the mass that is added", () => {
+  const model = chain(0), at = [0.1], region = { moving: [0], at: [0.1], rows: [5], offset: [0], limit: 1, centre: [0.1], precision: [25], radius_square: 1 };
+  const exact = (x: number) => { const b = (2 + x + 4 * (1 + x)) / 8, c = (1 + x) / 4; return Math.sqrt(b - Math.sqrt(b * b - c)) / (2 * Math.PI); };
+  for (const [sign, x] of [[-1, -0.1], [1, 0.3]]) assert.ok(Math.abs(extreme(model, region, at, 0, sign, { point: 0, mass: 3 })!.freq_hz - exact(x)) < 1e-9);
 });

@@ -292,13 +292,15 @@ class LivePartView:
 
 @dataclass(frozen=True)
 class LiveCertificateView:
-    """Largest errors at some points: of frequencies in %, of MACs; `reduced_percent` is the error of the reduced model
-    that the live one was compared with, None where it was compared with the full one."""
+    """Largest differences from another model at some points: of frequencies in %, of MACs, of χ² in %."""
 
+    other: str
     points: int
+    corners: int
+    without_modes: int
     frequency_percent: float
     mac: float | None
-    reduced_percent: float | None
+    chi_square_percent: float | None
 
 
 @dataclass(frozen=True)
@@ -316,7 +318,6 @@ class LiveConfigurationView:
 
     configuration: str
     order: int
-    dofs: int
     count: int
     shift: float
     theta: tuple[float, ...]
@@ -332,8 +333,9 @@ class LiveConfigurationView:
     pairs: tuple[tuple[int, int, tuple[int, ...]], ...]
     """Positions of test mode and mode of the updated model, and of all modes that span the motion."""
     parts: tuple[LivePartView, ...]
-    region: LiveCertificateView | None
-    bounds: LiveCertificateView
+    region: tuple[LiveCertificateView, ...]
+    bounds: tuple[LiveCertificateView, ...]
+    """Beside the full model first, then beside a reduced one."""
     checks: tuple[LiveCheckView, ...]
 
 
@@ -350,6 +352,10 @@ class LiveView:
     """A model that the reader changes."""
 
     parameters: tuple[LiveParameterView, ...]
+    narrowed: bool
+    """Whether the ranges of the parameters are narrower than their bounds."""
+    rejected: bool
+    """Whether the fit of the update was rejected."""
     mass_unit: str
     x: tuple[float, ...]
     region: LiveRegionView | None

@@ -155,7 +155,7 @@ def _check_records(records: Sequence[TimeSeries]) -> None:
         raise FemtuneError("identify.no-input")
     for record in records:
         if record.channels != records[0].channels or record.even_hz != records[0].even_hz:
-            rates = ", ".join(f"{r.even_hz:g} Hz, {len(r)} channels" for r in records[:5])
+            rates = "; ".join(f"{len(r)} channels at {r.even_hz:g} Hz" for r in records[:5])
             raise FemtuneError("identify.records-differ", values={"records": rates})
         no_lost_samples(record)
 

@@ -52,7 +52,8 @@ def system_beyond(
     fit = system_fit(frfs, poles, reciprocal=reciprocal)
     deviance = _deviance(fit, frfs)
     n, u, k = frfs.values.shape
-    wanted = float(chdtri(2 * (n + u - 1), CHANCE))
+    # the shape is the participation too in a reciprocal system
+    wanted = float(chdtri(2 * (n if reciprocal else n + u - 1), CHANCE))
     for side in (1, 0):
         if (low, high)[side] is not None:
             continue

@@ -141,4 +141,4 @@ def _redrawn(identified: IdentifiedModes, again: _Again, lines: Reals, band: Ban
     terms = terms_outside(again.asked)
     # of one layout in memory, so that a copy in another process gives the same numbers to the last bit
     measured = replace(fit.measured, values=np.ascontiguousarray(fit.measured.values))
-    return RedrawnTest(measured, fit, system, terms, moved, again.damping_ratio, lines, again)
+    return RedrawnTest(measured, fit, system, terms, moved, again.damping_ratio, lines, again, roving=identified.roving)

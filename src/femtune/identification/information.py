@@ -27,7 +27,7 @@ CHANCE = 1e-9
 LEAST_SHARE = 0.1
 """Part of the orders of a method that have the pole at least."""
 MOST_DIVIDED = 3
-"""Modes that are tried as two."""
+"""Modes that are tried as two, those first beside which the fit leaves most above the noise."""
 PARTS = (0.5, 0.15)
 """Distances from a mode of the two that are tried in its place, in half bandwidths."""
 MOST_TRIALS = 8
@@ -103,7 +103,8 @@ def _with_divided(
     """
     chosen = [j for j, c in enumerate(kept) if c.chosen]
     inside = np.flatnonzero(~fit.outside)
-    rough = [r for r in inside.tolist() if not _is_white(fit, _near(fit.measured.freq_hz, fit.poles[r]), line)]
+    near = {r: _near(fit.measured.freq_hz, fit.poles[r]) for r in inside.tolist()}
+    rough = sorted((r for r in near if not _is_white(fit, near[r], line)), key=lambda r: -_excess(fit, near[r], line))
     best: tuple[ModalFit, int] | None = None
     for r in rough[:MOST_DIVIDED]:
         i = int(fit.begun_at[r])
@@ -164,11 +165,27 @@ def _near(freq_hz: Reals, pole: complex) -> Integers:
     return np.sort(np.argsort(away, kind="stable")[: max(2 * _LEAST_LINES + 1, inside)])
 
 
-def _is_white(fit: ModalFit, near: Integers, line: Reals | None) -> bool:
-    """Whether what the fit leaves near a pole is noise, in the functions of which it leaves most."""
+def _left(fit: ModalFit, line: Reals | None) -> Complexes:
+    """(n, u, k) what the fit leaves, by the weights of the lines."""
     values = fit.measured.values - fit.synthesised.values
     if fit.ends is not None:
         values = values - fit.ends[:, None]
-    left = values[:, :, near] * (1.0 if line is None else line[near])
-    rough = np.mean(np.abs(np.diff(left, 4, axis=2)) ** 2) / 70.0
-    return bool(rough >= LEAST_WHITE * np.mean(np.abs(left) ** 2))
+    return np.asarray(values * (1.0 if line is None else line))
+
+
+def _noise_power(left: Complexes) -> Reals:
+    """(n, u) mean square of the part of the errors that changes from line to line."""
+    return np.asarray(np.mean(np.abs(np.diff(left, 4, axis=2)) ** 2, axis=2) / 70.0)
+
+
+def _is_white(fit: ModalFit, near: Integers, line: Reals | None) -> bool:
+    """Whether what the fit leaves near a pole is noise, in the functions of which it leaves most."""
+    left = _left(fit, line)[:, :, near]
+    return bool(np.mean(_noise_power(left)) >= LEAST_WHITE * np.mean(np.abs(left) ** 2))
+
+
+def _excess(fit: ModalFit, near: Integers, line: Reals | None) -> float:
+    """What the fit leaves near a pole above the noise, over the noise of each function, summed over the functions."""
+    left = _left(fit, line)
+    noise = np.maximum(_noise_power(left), np.finfo(float).tiny)
+    return float(np.sum(np.sum(np.abs(left[:, :, near]) ** 2, axis=2) / noise) - noise.size * len(near))

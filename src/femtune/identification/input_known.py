@@ -75,8 +75,8 @@ class InputKnown:
         of the structure at s = iω + 1/τ; poles, modes and system are those without the window
     suspension_hz : modes below it are rigid-body motions on a suspension, which are fitted and not reported
     by_reciprocity : functions of more forces than responses, as a hammer that roves gives them, are identified as those
-        of so many responses: H_ij = H_ji. The shapes are at the points of the forces then, the measured and the
-        synthesised functions have their axes exchanged, and the system has those that were measured
+        of so many responses: H_ij = H_ji. The shapes are at the points of the forces then; functions, fits and system
+        have the forces and responses that were measured
     """
 
     band_hz: tuple[float, float] | None = None
@@ -123,6 +123,7 @@ class IdentifiedModes:
     notices : what a user should know
     remarks : those of the notices that belong to one mode
     clusters : of each mode, the position of its candidate
+    roving : whether the shapes are at the references, where the force was, and not at the responses
     """
 
     modes: ModeSet
@@ -136,6 +137,24 @@ class IdentifiedModes:
     notices: tuple[Notice, ...]
     remarks: tuple[ModeRemark, ...] = ()
     clusters: tuple[int, ...] = ()
+    roving: bool = False
+
+    @property
+    def fit_of_shapes(self) -> ModalFit:
+        """The modal model whose responses are the points of the shapes: that of `fit`, or its transpose."""
+        return self.fit.transposed() if self.roving else self.fit
+
+    def as_measured(self) -> IdentifiedModes:
+        """Everything but the shapes with responses and references exchanged."""
+        return replace(
+            self,
+            system=self.system.transposed(),
+            fit=self.fit.transposed(),
+            system_fit=self.system_fit.transposed(),
+            quality=self.quality.transposed(),
+            measured=self.measured.transposed(),
+            roving=not self.roving,
+        )
 
 
 class NoModesChosen(FemtuneError):  # noqa: N818
@@ -158,6 +177,10 @@ def identify_frfs(
     sd : (n, u, k) standard deviations of the functions, as an estimate of functions gives them, or None
     whole : the record whose functions these are; its lines are fitted at the end, in place of the functions
 
+    Returns
+    -------
+    functions, fits and system have the responses and references of `frfs`, also where the shapes are at the references
+
     Raises
     ------
     FemtuneError : ``identify.no-poles`` where no cluster is a mode, ``identify.few-lines``, ``identify.band``,
@@ -165,16 +188,19 @@ def identify_frfs(
         ``identify.no-driving-point``
     """
     told = list(check_frfs(frfs))
-    roving = whole is None and asked.by_reciprocity and len(frfs.references) > len(frfs.responses)
+    roving = asked.by_reciprocity and len(frfs.references) > len(frfs.responses)
     used = _without_dead(frfs)
     if roving:
         n_forces, n_responses = len(frfs.references), len(frfs.responses)
         told.append(Notice("identify.reciprocity", level="info", n_forces=n_forces, n_responses=n_responses))
         used, sd = used.transposed(), None if sd is None else np.swapaxes(sd, 0, 1)
     with with_notices(told):
-        identified = _identified(used, asked, sd, whole)
-    if roving:
-        identified = replace(identified, system=identified.system.transposed())
+        try:
+            identified = _identified(used, asked, sd, whole)
+        except NoModesChosen as error:
+            error.measured = error.measured.transposed() if roving else error.measured
+            raise
+    identified = identified.as_measured() if roving else identified
     return replace(identified, notices=(*told, *identified.notices))
 
 
@@ -221,6 +247,8 @@ def _identified(
         fit = with_force_noise(fit, lines, terms)
     if lines is not None:
         fit = _beside_functions(fit, elastic, lines, terms)
+        # those without the decays that the ends of the record cut off, and without its other transients
+        motion = fit.measured if lines.width and asked.rigid is None else motion
     of_system = _system(motion, fit, band, asked)
     if shift:
         fit, of_system = replace(fit, poles=fit.poles + shift), _moved_system(of_system, shift)
@@ -232,7 +260,8 @@ def _identified(
         raise NoModesChosen("identify.no-poles/left", table, candidates, whole, **error.facts) from error
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
     clusters = tuple(chosen[fit.begun_at[fit.reported]].tolist())
-    quality = fit_quality(_with_window(system, shift).frf(whole.freq_hz), whole)
+    used = whole if of_record is None else fit.measured
+    quality = fit_quality(_with_window(system, shift).frf(used.freq_hz), used)
     remarks = (*kept, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic))))
     shapes, labels = leading_shapes(fit), whole.responses.labels()
     step_s = 1.0 / (_SAMPLES_PER_PERIOD * float(whole.freq_hz[-1]))
@@ -247,7 +276,7 @@ def _identified(
         fit=fit,
         system_fit=of_system,
         quality=quality,
-        measured=whole if of_record is None else fit.measured,
+        measured=used,
         notices=notices,
         remarks=remarks,
         clusters=clusters,
@@ -257,14 +286,16 @@ def _identified(
 def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
     """The fit to all lines of a record, shown beside its functions.
 
-    Means over lines would blur sharp peaks. The functions are shown as the model with the mean of what it leaves, and
-    with the coherence that this gives.
+    Means over lines would blur sharp peaks, and a response that the end of the record cuts off has other functions.
+    The functions are shown as the model with the mean of what it leaves, and with the coherence that this gives.
     """
+    bins = bool(whole.width) and fit.ends is not None
+    frfs = binned(whole)[0] if bins else frfs
     columns = modal_basis(frfs.freq_hz, fit.poles, frfs.kind, terms).columns
     residues = fit.residues[:, 0]
     model = (np.hstack([residues.real, residues.imag, fit.terms[:, 0]]) @ columns.T)[:, None]
     synthesised = replace(fit.synthesised, freq_hz=frfs.freq_hz, values=model)
-    if whole.width and fit.ends is not None:
+    if bins and fit.ends is not None:
         rest = whole.without(fit.ends + fit.synthesised.values[:, 0])
         coherence = coherence_of_fit(whole, fit.synthesised.values[:, 0], rest.frfs.values[:, 0])
         frfs = replace(frfs, values=model + binned(rest)[0].values, coherence=coherence[:, None])

@@ -61,6 +61,10 @@ class FitQuality:
     error: Reals
     frac: Reals
 
+    def transposed(self) -> FitQuality:
+        """With responses and references exchanged."""
+        return FitQuality(self.error.T, self.frac.T)
+
     def poor(self, limit: float = 0.3) -> list[int]:
         """Responses whose error, at the reference where it is largest, is above the limit: better for validation."""
         worst = np.nanmax(np.where(np.isnan(self.error), -1.0, self.error), axis=1)

@@ -82,6 +82,25 @@ class ModalFit:
     deviance: float
     ends: Complexes | None = None
 
+    def transposed(self) -> ModalFit:
+        """The fit with responses and references exchanged; not of a whole record, which has one reference."""
+        if self.ends is not None:
+            raise ValueError("the fit of a whole record has one reference")
+
+        def turned(values: NDArray) -> NDArray:
+            return np.ascontiguousarray(np.swapaxes(values, 0, 1))
+
+        return replace(
+            self,
+            residues=turned(self.residues),
+            terms=turned(self.terms),
+            own_covariance=turned(self.own_covariance),
+            pole_effect=turned(self.pole_effect),
+            sd=turned(self.sd),
+            synthesised=self.synthesised.transposed(),
+            measured=self.measured.transposed(),
+        )
+
     @property
     def outside(self) -> Flags:
         """(m,) modes outside the band, which are fitted because they bend the functions inside it."""

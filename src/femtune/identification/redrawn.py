@@ -58,6 +58,7 @@ class RedrawnTest:
     damping_ratio : ζ of these
     freq_hz : (l,) lines of the equalised FRFs
     again : measured functions -> their equalised FRFs, by another identification
+    roving : whether the shapes of the modes are at the references, as of a hammer that roves
     """
 
     measured: FrfSet
@@ -68,6 +69,7 @@ class RedrawnTest:
     damping_ratio: float
     freq_hz: Reals
     again: Callable[[FrfSet], Complexes]
+    roving: bool = False
 
     def with_fit(self, fit: ModalFit) -> RedrawnTest:
         """The same test with another fit of its poles, and the system that belongs to it.
@@ -86,7 +88,11 @@ class RedrawnTest:
     @cached_property
     def modes(self) -> ModeSet:
         """The identified modes inside the band."""
-        return as_modes(self.fit)
+        return self.modes_of(self.fit)
+
+    def modes_of(self, fit: ModalFit) -> ModeSet:
+        """The modes of another fit of the same functions, at the same points."""
+        return as_modes(fit.transposed() if self.roving else fit)
 
     # ------------------------------------------------------------------------------------------------
     # Draws.

@@ -55,6 +55,12 @@ class SystemFit:
     steps: int
     gradient: float
 
+    def transposed(self) -> SystemFit:
+        """The fit with responses and references exchanged."""
+        return replace(
+            self, system=self.system.transposed(), shapes=self.participations.T, participations=self.shapes.T
+        )
+
 
 def fit_system(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: bool = False) -> StateSpace:
     """The model of `system_fit`, which also states whether the fit has converged."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import binary_dilation, median_filter, uniform_filter1d
 from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Reals
@@ -34,6 +34,14 @@ REST_PART = 0.005
 """What moves less than this part of the peak of the response is at rest."""
 WINDOW = 9
 """Neighbouring lines whose functions are a parabola, to see the noise."""
+PULSE_LEVEL = 6.0
+"""What exceeds this times the noise of the force is part of a hit, and so are the samples beside it."""
+_BESIDE = 16
+"""Samples before and after those of a hit that belong to it: the ends of the pulse and the ringing of a filter."""
+_ROUNDING = 1e-9
+"""Part of the largest force below which a sample is rounding."""
+_MEDIAN_OF_NORMAL = 0.6745
+"""Median of the magnitude of Gaussian noise with a standard deviation of 1."""
 _NEIGHBOURS = 51
 """Windows of lines over which the median of the noise is taken."""
 
@@ -51,7 +59,7 @@ class WholeRecord:
     step_s : time from one sample to the next
     width : neighbouring lines of which each function is the mean; 0 where the functions were made in another way
     pulse : (samples,) the force of a record that begins at rest, whose only transients are the decays that its end cuts
-        off; None where they have residues of their own
+        off; zero where it is noise. None where the transients have residues of their own
     """
 
     frfs: FrfSet
@@ -131,7 +139,7 @@ def whole_record(
         np.asarray(hz[kept], float), (motion / force)[:, None, :], DofSet(record.channels[i].dof for i in rows),
         record.dofs("input"), kind, source=record.source,
     )  # fmt: skip
-    pulse = None if rest is None else np.asarray(values[column], float)
+    pulse = None if rest is None else _pulse(values[column])
     return WholeRecord(frfs, force, colour, noise, 1.0 / record.even_hz, pulse=pulse)
 
 
@@ -142,6 +150,13 @@ def _at_rest(responses: Reals, samples: int, noise: Reals) -> bool:
     level = np.median(noise, axis=1) / np.sqrt(responses.shape[1])
     most = np.maximum(REST_LEVEL * level, REST_PART * np.abs(responses).max(axis=1))
     return bool((np.sqrt(np.mean(responses[:, :samples] ** 2, axis=1)) <= most).all())
+
+
+def _pulse(force: Reals) -> Reals:
+    """(samples,) a force with hits, with zeros for its noise: the sum of a long record would contain mainly noise."""
+    size = np.abs(force)
+    least = max(PULSE_LEVEL * float(np.median(size)) / _MEDIAN_OF_NORMAL, _ROUNDING * float(size.max()))
+    return np.where(binary_dilation(size > least, iterations=_BESIDE), force, 0.0)
 
 
 def _noise(motion: Complexes, force: Complexes) -> Reals:

@@ -22,6 +22,11 @@ _NEGLIGIBLE = 1e-9
 """Singular value relative to the largest one below which a vector is rounding."""
 
 
+def is_whole(model: ReducedModel) -> bool:
+    """True where all of a model is kept, so that no points need to be solved for a basis."""
+    return model.order <= WHOLE
+
+
 @dataclass(frozen=True, eq=False)
 class SecondBasis:
     """Leading vectors of the modes at some points.
@@ -48,9 +53,7 @@ class SecondBasis:
         return np.asarray(some @ turned[:, ::-1])
 
 
-def second_basis(
-    model: ReducedModel, at: Reals, points: Sequence[Reals], count: int, most: int, static: Reals | None = None
-) -> SecondBasis:
+def second_basis(model: ReducedModel, at: Reals, points: Sequence[Reals], count: int, most: int) -> SecondBasis:
     """The basis from the modes at points.
 
     Parameters
@@ -58,22 +61,18 @@ def second_basis(
     points : (k,) each; where the model cannot be solved, one is left out
     count : modes that matter
     most : vectors at most
-    static : (r, f) forces whose static shapes at the updated point are in the basis, after the modes there
 
     Raises
     ------
     FemtuneError : ``reduce.indefinite`` at the updated point
     """
     start = reduced_modes(model.at(at), count)
-    if model.order <= min(most, WHOLE):
+    if is_whole(model):
         return SecondBasis(model, at, start.wanted, start.vectors)
     point = start.point
     root = la.cholesky(point.stiffness - model.shift * point.mass)
     first = root @ start.vectors[:, : max(start.wanted, 1)]
     first = la.qr(first, mode="economic")[0]
-    if static is not None and static.shape[1]:
-        shapes = la.solve_triangular(root, static, trans="T")
-        first = _with(first, shapes)
     snapshots = [root @ _shapes(model, x, count) for x in points]
     rest = np.hstack([s for s in snapshots if s.size] or [np.zeros((len(root), 0))])
     rest = rest - first @ (first.T @ rest)
@@ -84,16 +83,6 @@ def second_basis(
         first = np.hstack([first, left])
     vectors = la.solve_triangular(root, first[:, :most])
     return SecondBasis(model, at, start.wanted, vectors)
-
-
-def _with(basis: Reals, more: Reals) -> Reals:
-    """An orthonormal basis with the parts of further vectors that it misses."""
-    size = np.linalg.norm(more, axis=0)
-    more = more[:, size > 0.0] / size[size > 0.0]
-    for _ in range(2):
-        more = more - basis @ (basis.T @ more)
-    left, size, _ = la.svd(more, full_matrices=False)
-    return np.hstack([basis, left[:, size > 1e-6]])
 
 
 def _shapes(model: ReducedModel, x: Reals, count: int) -> Reals:

@@ -21,8 +21,15 @@ from femtune.model.configured import ConfiguredModel
 
 MOST_TOGETHER = 2
 """Parameters that one coefficient may depend on."""
-_DEGREES = {1: 24, 2: 12}
-"""Degree in each parameter, by the number of parameters: 1/x over bounds of ratio 10 then has errors of 1e-7."""
+_DEGREES = {1: (24, 74, 224), 2: (12, 24, 48)}
+"""Degrees in each parameter that are tried one after the other, by the number of parameters: 1/x over bounds of ratio
+10 has errors of 1e-7 with 24, over bounds of ratio 400 with 224."""
+_CONVERGED = 1e-8
+"""Last coefficients relative to the largest one at which the degree is high enough."""
+_POOR = 1e-4
+"""The same above which a function is refused: it is no polynomial of the highest degree."""
+_LAST = 3
+"""Coefficients that count as the last ones: those of odd or even degree may vanish."""
 _CUT = 1e-12
 """Coefficient of a polynomial relative to the largest one below which it is left out."""
 _SEED = 36
@@ -86,19 +93,24 @@ class _Column:
     parameters: tuple[int, ...]
 
 
-def separated_terms(configured: ConfiguredModel, at: Reals, kinds: Sequence[MatrixKind]) -> list[Separated] | str:
+def separated_terms(
+    configured: ConfiguredModel, at: Reals, kinds: Sequence[MatrixKind], box: tuple[Reals, Reals] | None = None
+) -> list[Separated] | str:
     """All coefficients that change with the parameters, by the parameters on which they depend.
 
     Parameters
     ----------
-    configured : the model; its bounds are the domain of the polynomials
+    configured : the model
     at : (k,) the updated point
+    box : lower and upper ends (k,) of the domain of the polynomials; the bounds where None
 
     Returns
     -------
-    list of Separated, or why the coefficients are no such functions, in words
+    list of Separated, or why the coefficients are no such functions, in words: of too many parameters, or changing too
+    sharply between the bounds for the highest degree
     """
-    columns = list(_moving_columns(configured, at, kinds))
+    box = box or configured.model.parameters.bounds
+    columns = list(_moving_columns(configured, at, kinds, box))
     most = max((len(c.parameters) for c in columns), default=0)
     if most > MOST_TOGETHER:
         return (
@@ -107,12 +119,24 @@ def separated_terms(configured: ConfiguredModel, at: Reals, kinds: Sequence[Matr
     groups: dict[tuple[MatrixKind, tuple[int, ...]], list[_Column]] = {}
     for c in columns:
         groups.setdefault((c.kind, c.parameters), []).append(c)
-    sampled = _Sampled(configured, at)
-    return [_separated(sampled, kind, parameters, some) for (kind, parameters), some in groups.items()]
+    sampled = _Sampled(configured, at, box)
+    out = []
+    for (kind, parameters), some in groups.items():
+        separated = _separated(sampled, kind, parameters, some)
+        if separated is None:
+            degree, names = _DEGREES[len(parameters)][-1], configured.model.parameters.free
+            return (
+                f"a coefficient of its matrices changes with {' and '.join(names[i].name for i in parameters)} between "
+                f"the bounds too sharply for a polynomial of degree {degree}"
+            )
+        out.append(separated)
+    return out
 
 
-def _moving_columns(configured: ConfiguredModel, at: Reals, kinds: Sequence[MatrixKind]) -> Iterator[_Column]:
-    lower, upper = configured.model.parameters.bounds
+def _moving_columns(
+    configured: ConfiguredModel, at: Reals, kinds: Sequence[MatrixKind], box: tuple[Reals, Reals]
+) -> Iterator[_Column]:
+    lower, upper = box
     random = np.random.default_rng(_SEED)
     points = [at, *(lower + random.uniform(0.1, 0.9, (_TRIED - 1, len(at))) * (upper - lower))]
     slopes = [configured.at(x).coefficients for x in points]
@@ -131,9 +155,9 @@ def _moving_columns(configured: ConfiguredModel, at: Reals, kinds: Sequence[Matr
 class _Sampled:
     """Weights of all terms at points that were asked for; points of one parameter are shared by all functions."""
 
-    def __init__(self, configured: ConfiguredModel, at: Reals) -> None:
+    def __init__(self, configured: ConfiguredModel, at: Reals, box: tuple[Reals, Reals]) -> None:
         self.configured, self.base = configured, np.asarray(at, float)
-        self.lower, self.upper = configured.model.parameters.bounds
+        self.lower, self.upper = box
         self._known: dict[tuple[object, ...], list[NDArray]] = {}
 
     def along_all(self, t: float) -> list[NDArray]:
@@ -148,10 +172,6 @@ class _Sampled:
             x[i] = 0.5 * (self.lower[i] + self.upper[i]) + 0.5 * value * (self.upper[i] - self.lower[i])
         return self._weights((pair, t), x)
 
-    def at_base(self) -> list[NDArray]:
-        """Weights at the updated point."""
-        return self._weights(("base",), self.base)
-
     def _weights(self, key: tuple[object, ...], x: Reals) -> list[NDArray]:
         if key not in self._known:
             point = self.configured.at(x)
@@ -161,9 +181,36 @@ class _Sampled:
 
 def _separated(
     sampled: _Sampled, kind: MatrixKind, parameters: tuple[int, ...], columns: Sequence[_Column]
-) -> Separated:
+) -> Separated | None:
+    """The polynomials of the lowest degree that is high enough; None if none is."""
+    for degree in _DEGREES[len(parameters)]:
+        coefficients = _transformed(sampled, parameters, columns, degree)
+        rest = _last(coefficients)
+        if rest <= _CONVERGED:
+            break
+    if not rest <= _POOR:
+        return None
+    functions = ChebyshevFunctions(parameters, _shortened(coefficients))
+    moved = functions.coefficients.copy()
+    moved.reshape(len(columns), -1)[:, 0] -= functions.at(sampled.base, sampled.lower, sampled.upper)
+    where = np.array([(c.term, c.column) for c in columns], np.int64)
+    return Separated(kind, where, ChebyshevFunctions(parameters, moved))
+
+
+def _last(coefficients: Reals) -> float:
+    """The largest of the last coefficients along each axis, relative to the largest of the function."""
+    size = np.abs(coefficients).reshape(len(coefficients), -1).max(axis=1)
+    size = np.where(size > 0.0, size, 1.0)
+    return max(
+        float((np.abs(np.moveaxis(coefficients, axis, -1)[..., -_LAST:]).reshape(len(size), -1) / size[:, None]).max())
+        for axis in range(1, coefficients.ndim)
+    )
+
+
+def _transformed(sampled: _Sampled, parameters: tuple[int, ...], columns: Sequence[_Column], degree: int) -> Reals:
+    """(m, d + 1) or (m, d + 1, d + 1) coefficients of the polynomials through the samples."""
     dimension = len(parameters)
-    nodes = np.cos(np.pi * (np.arange(_DEGREES[dimension] + 1) + 0.5) / (_DEGREES[dimension] + 1))
+    nodes = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
     values = np.empty((len(columns), *[len(nodes)] * dimension))
     for place in product(range(len(nodes)), repeat=dimension):
         t = tuple(float(nodes[k]) for k in place)
@@ -175,11 +222,7 @@ def _separated(
         transformed = np.moveaxis(np.asarray(scipy.fft.dct(coefficients, type=2, axis=axis)) / len(nodes), axis, -1)
         transformed[..., 0] *= 0.5
         coefficients = np.moveaxis(transformed, -1, axis)
-    functions = ChebyshevFunctions(parameters, _shortened(coefficients))
-    moved = functions.coefficients.copy()
-    moved.reshape(len(columns), -1)[:, 0] -= functions.at(sampled.base, sampled.lower, sampled.upper)
-    where = np.array([(c.term, c.column) for c in columns], np.int64)
-    return Separated(kind, where, ChebyshevFunctions(parameters, moved))
+    return coefficients
 
 
 def _shortened(coefficients: Reals) -> Reals:

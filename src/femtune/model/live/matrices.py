@@ -27,6 +27,11 @@ _STEPS = 32767
 """Steps of 16 bits on each side of zero."""
 EXACT_BYTES = 400_000
 """Bytes of all matrices up to which they are stored in single precision."""
+STILL = 1e-4
+"""λ over |σ| below which a mode has no frequency: matrices in single precision leave it no digits. The updated point
+has as many of these as it has rigid-body modes; elsewhere more of them are a mechanism."""
+_STILL_WITH_MASS = 1e-6
+"""The same with an added mass, which may be many times that of the structure."""
 _SAME = 1e-11
 """Singular value of the functions of one group, each times the size of its matrix, relative to the largest one, below
 which a combination of them is left out."""
@@ -133,7 +138,7 @@ class LiveModel:
 
         Raises
         ------
-        scipy.linalg.LinAlgError : where K − σM is not positive definite
+        scipy.linalg.LinAlgError : where K − σM is not positive definite, or a motion has lost its stiffness
         """
         size = mass_sizes(self.theta)
         moved = self._deviation("mass", x) * np.outer(size, size)
@@ -146,7 +151,20 @@ class LiveModel:
         theta, z = theta[::-1], z[:, ::-1]
         finite = theta > MASSLESS * theta[0]
         theta, z = theta[finite], z[:, finite]
-        return LiveModes(self.shift + 1.0 / theta, z / np.sqrt(theta), M)
+        values = self.shift + 1.0 / theta
+        # a mass lowers eigenvalues without any loss of stiffness
+        if self.still(values, STILL if added is None else _STILL_WITH_MASS) > self.rigid:
+            raise la.LinAlgError("a motion has no stiffness")
+        return LiveModes(values, z / np.sqrt(theta), M)
+
+    def still(self, eigenvalues: Reals, size: float = STILL) -> int:
+        """Number of eigenvalues that are zero to rounding: below `size` · |σ|."""
+        return int(np.sum(eigenvalues < size * abs(self.shift)))
+
+    @cached_property
+    def rigid(self) -> int:
+        """Rigid-body modes of the updated point."""
+        return self.still(self.shift + 1.0 / self.theta[self.theta > MASSLESS * self.theta[0]])
 
 
 def live_model(
@@ -156,6 +174,7 @@ def live_model(
     at: Reals,
     count: int,
     exact_bytes: int = EXACT_BYTES,
+    box: tuple[Reals, Reals] | None = None,
 ) -> LiveModel:
     """The terms of a reduced model on a second basis, as deviations from the updated point.
 
@@ -164,9 +183,10 @@ def live_model(
     basis : (r, q) in the coordinates of the model, which diagonalise K and M at `at`, yᵀ(K − σM)y = 1
     groups : the coefficients of stiffness and mass as polynomials
     exact_bytes : bytes of all matrices up to which they are stored in single precision, beyond that in 16 bits
+    box : lower and upper ends (k,) of the domain of the polynomials; the bounds where None
     """
     theta = np.einsum("ri,ri->i", basis, model.at(at).mass @ basis)
-    lower, upper = model.configured.model.parameters.bounds
+    lower, upper = box or model.configured.model.parameters.bounds
     size, triangle = mass_sizes(theta), np.triu_indices(basis.shape[1])
     raw: list[tuple[MatrixKind, ChebyshevFunctions, Reals]] = []
     projected: dict[int, Reals] = {}

@@ -14,7 +14,6 @@ from femtune.correlation.mode_damping import paired_damping
 from femtune.identification.guided import with_mode_near
 from femtune.identification.modal_fit import ModalFit
 from femtune.identification.redrawn import RedrawnTest
-from femtune.identification.shapes import as_modes
 from femtune.modal import ModeSet
 from femtune.modal.frf_set import KINDS
 from femtune.model import EigenSolution
@@ -111,13 +110,14 @@ def measured_damping(
     FemtuneError : ``correlate.no-damping`` where no mode is paired
     """
     ports = residual.places.ports(modes.point.configured, residual.measured)
-    seen = residual.measured.responses
+    seen = residual.measured.references if test.roving else residual.measured.responses
     identified = test.modes.select_dofs(seen)
     count = modes.wanted
-    model = ModeSet(modes.freq_hz, np.asarray(ports.outputs @ modes.shapes[:, :count]), seen)
+    outputs = np.asarray(ports.outputs @ modes.shapes[:, :count])
+    inputs = np.asarray(ports.inputs.T @ modes.shapes[:, :count])
+    model = ModeSet(modes.freq_hz, inputs if test.roving else outputs, seen)
     pairing = pair_modes(identified, model)
     ratios = paired_damping(identified, pairing, count)
-    inputs = np.asarray(ports.inputs.T @ modes.shapes[:, :count])
     largest = _ROUNDING * float(np.nanmax(np.abs(residual.measured.values)))
 
     def lacking() -> tuple[LackingMode, ...]:
@@ -125,7 +125,7 @@ def measured_damping(
         for j in _without_partner(test, modes, pairing).tolist():
             hertz, ratio = float(modes.freq_hz[j]), float(ratios[j])
             unit = _at_resonance(hertz, ratio, residual.measured.kind)
-            heights = unit * np.abs(np.outer(model.shapes[:, j], inputs[:, j]))
+            heights = unit * np.abs(np.outer(outputs[:, j], inputs[:, j]))
             heights[heights <= largest] = 0.0
             out.append(LackingMode(j, hertz, ratio, heights, _noise_beside(residual, test, hertz)))
         return tuple(out)
@@ -133,7 +133,7 @@ def measured_damping(
     missed, added = lacking(), frozenset[int]()
     further = _with_further(test, [one for one in missed if one.seen_in]) if guided else None
     if further is not None:
-        identified = as_modes(further).select_dofs(seen)
+        identified = test.modes_of(further).select_dofs(seen)
         pairing = pair_modes(identified, model)
         ratios = paired_damping(identified, pairing, count)
         left = lacking()

@@ -93,7 +93,7 @@ def found_from_frfs(
     measured, synthesised = made.fit.measured, made.fit.synthesised
     error = np.linalg.norm(synthesised.values - measured.values, axis=2)
     size = np.linalg.norm(measured.values, axis=2)
-    collinearity = np.array([phase_collinearity(shape) for shape in leading_shapes(made.fit).T])
+    collinearity = np.array([phase_collinearity(shape) for shape in leading_shapes(made.fit_of_shapes).T])
     return Found(
         made.modes, collinearity, made.table, made.candidates, _by_method(made), _curve(measured),
         measured=measured,
@@ -130,6 +130,8 @@ def _curve(frfs: FrfSet) -> Curve:
 
 _HITS_LEFT = ("identify.hit-left-out", "identify.hits-doubtful")
 """Notices of hits that are wrong: then the whole record is wrong too."""
+_OF_BLOCKS = ("identify.hits", "identify.one-hit", "identify.hits-not-decayed")
+"""Notices of the functions of blocks, which are not shown where the whole record is fitted."""
 DEFAULT_LINES = 400
 """Lines of a band if no resolution is requested, as far as the record allows with eight segments.
 
@@ -156,7 +158,7 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     """
     if len({len(record) for record in records}) > 1:
         counts = ", ".join(str(len(record)) for record in records[:5])
-        raise FemtuneError("identify.records-differ", values={"channels": counts})
+        raise FemtuneError("identify.records-differ", values={"channels of each record": counts})
     dead = np.all([dead_channels(record) for record in records], axis=0)
     alive = [i for i, c in enumerate(records[0].channels) if c.role == "input" or not dead[i]]
     living = [record.select_channels(alive) for record in records]
@@ -168,9 +170,12 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     frfs, sd, notices = functions_of(living, file)
     if any(notice.code in _HITS_LEFT for notice in notices):
         whole = None
-    if whole is not None:
-        # the fit knows what the end of a record cuts off
-        notices = tuple(n for n in notices if n.code != "identify.hits-not-decayed")
+    if whole is not None and whole.pulse is not None:
+        # too few hits for a scatter: the functions are those of the whole record, whose fit knows what its end cuts off
+        whole = in_bins(whole, FUNCTION_LINES)
+        (said,) = [n for n in notices if n.code == "identify.hits"]
+        notices = tuple(n for n in notices if n.code not in _OF_BLOCKS)
+        notices += (Notice("identify.hits/whole", level="info", count=said.facts["count"]),)
     usable = np.isfinite(frfs.values).all(axis=(0, 1)) & (frfs.freq_hz > 0.0)
     kept = np.flatnonzero(usable)
     errors = sd[:, :, kept]
@@ -282,7 +287,7 @@ def _together(several: Sequence[FrfSet]) -> FrfSet:
     same = (first.responses.labels(), first.kind, first.freq_hz.tolist())
     if any((one.responses.labels(), one.kind, one.freq_hz.tolist()) != same for one in several):
         names = "; ".join(", ".join(one.responses.labels()[:5]) for one in several[:3])
-        raise FemtuneError("identify.records-differ", values={"responses": names})
+        raise FemtuneError("identify.records-differ", values={"responses of the records": names})
     coherence = None
     if all(one.coherence is not None for one in several):
         coherence = np.concatenate([one.coherence for one in several if one.coherence is not None], axis=1)

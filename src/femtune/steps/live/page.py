@@ -49,41 +49,44 @@ def live(source: ReportSource) -> list[Block]:
 
 
 def _certificate(found: LiveResults) -> Table:
-    region, bounds = "95 % region", "Bounds"
+    wide = "ranges of the sliders" if found.narrowed else "bounds"
     heads = (
-        Column("Configuration"), Column("Order", "right"), Column("Compared with"),
-        *(Column(title, "right", group) for group in (region, bounds) for title in ("Points", "Frequency, %", "MAC")),
+        Column("Configuration"), Column("Order", "right"), Column("Where"), Column("Compared with"),
+        *(Column(title, "right") for title in ("Points", "Frequency, %", "MAC", "χ², %")),
     )  # fmt: skip
     rows = tuple(
-        row(c.configuration, str(c.order), _reference(c), *_errors(c.region), *_errors(c.bounds))
+        row(c.configuration, str(c.order), where, _other(one), *_errors(one))
         for c in found.configurations
-    )
+        for where, one in (
+            ("95 % region", c.region), ("95 % region", c.region_full), (wide, c.bounds), (wide, c.bounds_full)
+        )
+        if one is not None
+    )  # fmt: skip
     note = (
-        "Largest differences between the live model and the model that it was made of, at random points, with the "
-        "numbers as they are stored in this page. When it is opened, the page first solves points whose frequencies "
-        "are stored; if it finds others, it says so and shows none."
+        "Largest differences between the live model and another one at points where both were solved, with the numbers "
+        "as they are stored in this page. The points of the ranges are random points and corners. χ² is the sum that "
+        "the page computes itself; a χ² below 1 counts as 1. Modes closer than 0.1 % in frequency are compared as one "
+        "subspace. When it is opened, the page first solves points whose frequencies are stored; if it finds others, "
+        "it says so and shows none."
     )
     return Table("Errors of the live model", heads, rows, note)
 
 
-def _reference(c: LiveConfiguration) -> str:
+def _other(c: LiveCertificate) -> str:
     if c.compared_with == "full model":
-        return f"full model, {c.dofs:,} DOFs"
-    here, wide = c.reduced_error_percent, c.reduced_bounds_percent
-    own = ""
-    if here is not None and wide is not None:
-        own = f", itself {_size(here)} % from the full model in the region and {_size(wide)} % in the bounds"
-    return f"reduced model of order {c.compared_order}{own}"
+        return f"full model, {c.compared_order:,} DOFs"
+    return f"reduced model of order {c.compared_order:,}"
 
 
-def _errors(c: LiveCertificate | None) -> tuple[Cell | str, ...]:
-    if c is None:
-        return "none", "–", "–"
-    return str(c.points), _size(c.frequency_percent), "–" if c.mac is None else _size(c.mac)
+def _errors(c: LiveCertificate) -> tuple[Cell | str, ...]:
+    corners = f" ({c.corners} corners)" if c.corners else ""
+    without = f", {c.without_modes} without modes" if c.without_modes else ""
+    sizes = ("–" if v is None else _size(v) for v in (c.frequency_percent, c.mac, c.chi_square_percent))
+    return f"{c.points}{corners}{without}", *sizes
 
 
 def _size(error: float) -> str:
-    return "< 0.0001" if error < 1e-4 else short(error)
+    return "< 0.001" if error < 1e-3 else short(error)
 
 
 def _remarks(found: LiveResults) -> list[Block]:
@@ -91,11 +94,13 @@ def _remarks(found: LiveResults) -> list[Block]:
         "The intervals, the tests of the fit and the verdict of this report are those of the update; they do not "
         "follow the sliders."
     ]
+    if found.narrowed:
+        out.append(f"The sliders end before the bounds: {found.narrowed}.")
     if found.others:
         kinds = ", ".join(o.kind for o in found.others)
         out.append(f"Not computed again, so that their part of χ² keeps the value of the update: {kinds}.")
     if found.solutions:
-        out.append(f"It was made from {counted(found.solutions, 'more solution')} of the full model.")
+        out.append(f"It took {counted(found.solutions, 'more solution')} of the full model.")
     return [Paragraph(" ".join(out), "muted")]
 
 
@@ -113,6 +118,8 @@ def live_view(source: ReportSource) -> LiveView | None:
             LiveParameterView(p.name, p.unit, p.nominal, p.updated, p.lower, p.upper, p.scale, p.interval_95)
             for p in found.parameters
         ),
+        narrowed=bool(found.narrowed),
+        rejected=_rejected(source),
         mass_unit=_mass_unit(source.results.study.units),
         x=_floats(source, found.x_key),
         region=None if found.region is None else _region(source, found.region),
@@ -120,6 +127,12 @@ def live_view(source: ReportSource) -> LiveView | None:
         configurations=tuple(_configuration(source, c) for c in found.configurations),
         others=tuple(LiveOtherView(o.kind, o.chi_square) for o in found.others),
     )
+
+
+def _rejected(source: ReportSource) -> bool:
+    """Whether the residuals of the update are no noise of the stated size, at the 1 % level."""
+    update = source.results.update
+    return update is not None and update.goodness is not None and update.goodness.verdict == "fail"
 
 
 def _mass_unit(units: str) -> str:
@@ -153,7 +166,7 @@ def _draws(source: ReportSource, draws: LiveDraws) -> LiveDrawsView:
 def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurationView:
     polynomials, weights = (_floats(source, key) for key in (c.polynomials_key, c.weights_key))
     return LiveConfigurationView(
-        configuration=c.configuration, order=c.order, dofs=c.dofs, count=c.count, shift=c.shift,
+        configuration=c.configuration, order=c.order, count=c.count, shift=c.shift,
         theta=_floats(source, c.theta_key), terms=tuple(_term(t, polynomials) for t in c.terms),
         triangles=as_stored(_array(source, c.triangles_key)), sensors=as_stored(_array(source, c.sensors_key)),
         test_labels=c.test_labels, test_freq_hz=c.test_freq_hz,
@@ -163,16 +176,19 @@ def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurat
         mass_rows=None if c.mass_rows_key is None else as_stored(_array(source, c.mass_rows_key)),
         pairs=tuple((p.test, p.mode, p.modes) for p in c.pairs),
         parts=tuple(_part(p, weights) for p in c.parts),
-        region=None if c.region is None else _errors_view(c.region, c.reduced_error_percent),
-        bounds=_errors_view(c.bounds, c.reduced_bounds_percent),
+        region=tuple(_errors_view(k) for k in (c.region_full, c.region) if k is not None),
+        bounds=tuple(_errors_view(k) for k in (c.bounds_full, c.bounds) if k is not None),
         checks=tuple(
             LiveCheckView(_floats(source, k.x_key), _floats(source, k.eigenvalues_key), k.chi_square) for k in c.checks
         ),
     )  # fmt: skip
 
 
-def _errors_view(c: LiveCertificate, reduced: float | None) -> LiveCertificateView:
-    return LiveCertificateView(c.points, c.frequency_percent, c.mac, reduced)
+def _errors_view(c: LiveCertificate) -> LiveCertificateView:
+    return LiveCertificateView(
+        "the full model" if c.compared_with == "full model" else f"the reduced model of order {c.compared_order}",
+        c.points, c.corners, c.without_modes, c.frequency_percent, c.mac, c.chi_square_percent,
+    )  # fmt: skip
 
 
 def _term(t: LiveTermRecord, polynomials: tuple[float, ...]) -> LiveTermView:

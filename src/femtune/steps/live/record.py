@@ -22,9 +22,9 @@ class LiveParameter(Record):
     updated: float
     """Result of the update."""
     lower: float
-    """Lower bound."""
+    """Lower end of its range: the bound, if the ranges are not `narrowed`."""
     upper: float
-    """Upper bound."""
+    """Upper end of its range."""
     scale: float
     """Value = nominal + scale · x, with the normalised parameter x."""
     interval_95: tuple[float, float] | None = None
@@ -103,7 +103,7 @@ class LivePair(Record):
     """Position of its partner at the updated point; of close modes the one of the same rank."""
     modes: tuple[int, ...]
     """Positions of all modes of the model that span its motion: several for close modes that are compared as one
-    subspace."""
+    subspace. Pairs of rigid-body modes are left out."""
 
 
 class LivePart(Record):
@@ -151,14 +151,28 @@ class LiveCheck(Record):
 
 
 class LiveCertificate(Record):
-    """Largest errors of a live model at points where the model that it was made of was solved."""
+    """Largest differences between a live model and another one at points where both were solved."""
 
+    compared_with: Literal["full model", "reduced model"]
+    """The other model."""
+    compared_order: int
+    """Order of its matrices."""
     points: int
     """Number of points."""
+    corners: int
+    """How many of them are corners of the ranges of the parameters."""
+    without_modes: int
+    """At how many of them neither model has modes, such as where a motion has no stiffness."""
     frequency_percent: float
-    """Largest error of a frequency, in %."""
+    """Largest difference of a frequency, in %; 1e9 where only one of both models has modes."""
     mac: float | None
-    """Largest error of the MAC of a pair; None without measured shapes."""
+    """Largest difference of the MAC of a pair; None without measured shapes. Modes closer than 0.1 % in frequency are
+    compared as one subspace."""
+    mac_pairs: int
+    """Number of MACs that were compared."""
+    chi_square_percent: float | None
+    """Largest difference of the sum of squares that the page computes for this configuration, in % of that of the other
+    model, which counts at least as 1; None where the page computes none."""
 
 
 class LiveConfiguration(Record):
@@ -170,15 +184,6 @@ class LiveConfiguration(Record):
     """Order of the matrices in the page."""
     dofs: int
     """Degrees of freedom of the full model."""
-    compared_with: Literal["full model", "reduced model"]
-    """What the certificate compares with."""
-    compared_order: int
-    """Order of that model."""
-    reduced_error_percent: float | None
-    """Largest error of a frequency of the reduced model itself, in %, where it was last compared with the full one in
-    the 95 % region, such as at the updated point; None for the full model."""
-    reduced_bounds_percent: float | None = None
-    """The same within the bounds, as its training estimates it or as a comparison found it; None for the full model."""
     count: int
     """Modes that are shown."""
     shift: float
@@ -219,9 +224,15 @@ class LiveConfiguration(Record):
     weights_key: str
     """Key of the weights of shapes."""
     region: LiveCertificate | None
-    """Errors in the 95 % region; None where the update gives no distribution."""
+    """Differences in the 95 % region from the model that the live one was made of; None where the update gives no
+    distribution."""
     bounds: LiveCertificate
-    """Errors within the bounds."""
+    """The same within the ranges of the parameters, with corners."""
+    region_full: LiveCertificate | None = None
+    """Differences from the full model in the 95 % region; None where it is the model that the live one was made of, and
+    without a region."""
+    bounds_full: LiveCertificate | None = None
+    """The same within the ranges of the parameters."""
     checks: tuple[LiveCheck, ...]
     """Points that the page checks."""
 
@@ -233,6 +244,8 @@ class LiveResults(Record):
     """Why there is none; "" where there is one."""
     parameters: tuple[LiveParameter, ...] = ()
     """Parameters that can be changed."""
+    narrowed: str = ""
+    """Why their ranges are narrower than the bounds; "" where they are the bounds."""
     x_key: str | None = None
     """Key of the updated point (k,), normalised."""
     region: LiveRegion | None = None

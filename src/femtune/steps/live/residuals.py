@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -68,7 +68,7 @@ def _differences(shape: Reals, test: Reals, form: str) -> Reals:
     return scaled_difference(shape, np.zeros((len(shape), 0)), test, form)[0]  # type: ignore[arg-type]
 
 
-def page_parts(at: Evaluation, position: int, residuals: Sequence[Residual]) -> list[PagePart]:
+def page_parts(at: Evaluation, position: int, residuals: Sequence[Residual], known: Collection[int]) -> list[PagePart]:
     """The residuals of one configuration that a page can compute, each checked against its own values.
 
     Parameters
@@ -76,6 +76,7 @@ def page_parts(at: Evaluation, position: int, residuals: Sequence[Residual]) -> 
     at : the updated point
     position : of the configuration among the states
     residuals : of paired modes in all configurations
+    known : positions of the test modes whose pairs the page follows
     """
     state = at.states[position]
     pairs = list(state.pairs(False))
@@ -84,6 +85,7 @@ def page_parts(at: Evaluation, position: int, residuals: Sequence[Residual]) -> 
         for residual in (*residuals, *state.case.residuals)
         for one, labels in _single(residual, None)
         for pair in pairs
+        if pair.position in known
         if labels is None or pair.label in labels
         if (part := _part(one, pair, at.common_sd)) is not None
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,14 +11,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.modal.assignment import linear_sum_assignment
-from femtune.model import SubspaceDerivative
-from femtune.model.live import LiveModel, LiveModes, SecondBasis, Separated, live_model, second_basis, separated_terms
-from femtune.model.live.basis import WHOLE
+from femtune.model.live import LiveModel, SecondBasis, Separated, live_model, second_basis, separated_terms
+from femtune.model.live.basis import is_whole
 from femtune.model.live.matrices import solved
-from femtune.model.reduce import ReducedModel, ReducedModes, reduce_model, reduced_modes
+from femtune.model.reduce import ReducedModel, reduce_model, reduced_modes
 from femtune.model.reduce.training import candidates
-from femtune.residuals.aligned import align
+from femtune.steps.live.certificate import MOST_ERROR, Certified, FirstModel, FullModel, elastic_groups, frequency_error
 from femtune.steps.live.record import (
     LiveCertificate,
     LiveCheck,
@@ -57,7 +55,16 @@ MOST_BYTES = 3_500_000
 DRAWING_BYTES = 700_000
 """Bytes of the vectors that shapes are drawn with."""
 _POINTS = 50
-"""Points of the certificate, in the region and in the bounds each."""
+"""Points of the certificate, in the region and within the ranges of the parameters each; there are corners besides."""
+_CORNERS = 32
+"""Corners of the ranges at most: all of them for up to five parameters, else some that are drawn."""
+_FULL_POINTS = 4
+"""Points, in the region and in the ranges each, at which the live model of a reduced one is compared with the full one:
+the two at which it differs most from the reduced one, and two more."""
+MOST_PERCENT = 3.0
+"""Error of a frequency, in %, from which no live model is made for these ranges of the parameters."""
+_NARROW = 0.25
+"""Part of the width of the samples by which narrower ranges go beyond them."""
 _REGION_SNAPSHOTS = 24
 """Points of the region at which modes are taken for the second basis."""
 _BOUNDS_SNAPSHOTS = 48
@@ -65,7 +72,7 @@ _BOUNDS_SNAPSHOTS = 48
 _ABOVE = 6
 """Modes above the wanted ones that are taken there: at other points they become some of these."""
 _TRAINING = 6
-"""The same for the first basis where the full model is solved, together with `_TRAINING` corners."""
+"""The same for the first basis where the full model is solved, in the region and in the bounds each."""
 _REGION_TARGET = 3e-5
 """Relative frequency error in the region at which the order is large enough: a third of what a page should keep."""
 _BOUNDS_TARGET = 3e-4
@@ -106,16 +113,17 @@ def live_results(
     reason = _impossible(study, result) or _too_large(found, states, wanted)
     if reason:
         return LiveResults(reason=reason)
-    made = _Making(study, found, _Region.of(result), progress)
-    stored: dict[str, NDArray] = {"live/x": np.asarray(result.x, float)}
-    configurations: list[LiveConfiguration] = []
+    region = _Region.of(result)
+    made = _Making(study, found, region, progress, result.parameters.bounds)
+    configurations, stored = made.every(states)
+    narrowed = ""
+    if isinstance(configurations, str) and region is not None:
+        narrowed, made.box = configurations, region.box(result, sampled)
+        configurations, stored = made.every(states)
+    if isinstance(configurations, str):
+        return LiveResults(reason=narrowed or configurations)
+    stored["live/x"] = np.asarray(result.x, float)
     kinds: dict[str, float] = {}
-    for i, state in enumerate(states):
-        progress.step(f"live model: {state.case.name}", i, len(states))
-        one = made.configuration(i, state, stored)
-        if isinstance(one, str):
-            return LiveResults(reason=one)
-        configurations.append(one)
     for block in result.after.blocks:
         kinds[block.kind] = kinds.get(block.kind, 0.0) + float(block.values @ block.values)
     configurations = _same_kinds(configurations, result.after)
@@ -123,8 +131,9 @@ def live_results(
     others = tuple(LiveOtherPart(kind=k, chi_square=v) for k, v in kinds.items() if k not in done)
     arrays |= stored
     return LiveResults(
-        parameters=_parameters(result), x_key="live/x", region=made.region.record(arrays) if made.region else None,
-        draws=_draws(result, made.region, sampled, bool(others), arrays),
+        parameters=_parameters(result, made.box), narrowed=narrowed, x_key="live/x",
+        region=region.record(arrays) if region else None,
+        draws=_draws(result, region, sampled, made.box, bool(others), arrays),
         configurations=tuple(configurations), others=others, solutions=made.solutions,
     )  # fmt: skip
 
@@ -145,10 +154,11 @@ def _too_large(found: FoundParameters, states: Sequence[CaseState], wanted: bool
     most = max(large, default=0)
     if wanted is True or most <= SMALL:
         return ""
-    solutions = 2 * _TRAINING + 4
+    compared = 2 * _FULL_POINTS
     return (
         f"the model has {most:,} degrees of freedom and was not reduced for the update; `live = true` in [output] "
-        f"makes one from about {solutions} more solutions of each configuration, and with [reduction] it takes none"
+        f"makes one from about {2 * _TRAINING + compared} more solutions of each configuration, and with [reduction] "
+        f"it takes {compared} of them"
     )
 
 
@@ -162,15 +172,21 @@ def _trained(found: FoundParameters, state: CaseState) -> tuple[ReducedModel, Re
     return None
 
 
-def _parameters(result: UpdateResult) -> tuple[LiveParameter, ...]:
-    intervals, values = result.interval(), result.values
+_Box = tuple["Reals", "Reals"]
+"""Lower and upper ends (k,) of the ranges of the normalised parameters."""
+
+
+def _parameters(result: UpdateResult, box: _Box) -> tuple[LiveParameter, ...]:
+    intervals, values, bounds = result.interval(), result.values, result.parameters.bounds
     out = []
-    for p in result.parameters.free:
+    for i, p in enumerate(result.parameters.free):
         low, high = intervals[p.name]
         interval = (low, high) if np.isfinite([low, high]).all() else None
         out.append(
             LiveParameter(
-                name=p.name, unit=p.unit, nominal=p.nominal, updated=values[p.name], lower=p.lower, upper=p.upper,
+                name=p.name, unit=p.unit, nominal=p.nominal, updated=values[p.name],
+                lower=p.lower if box[0][i] == bounds[0][i] else p.nominal + p.scale * float(box[0][i]),
+                upper=p.upper if box[1][i] == bounds[1][i] else p.nominal + p.scale * float(box[1][i]),
                 scale=p.scale, interval_95=interval,
             )
         )  # fmt: skip
@@ -205,13 +221,21 @@ class _Region:
         inside = q <= limit
         return cls(posterior.at, posterior.moving, posterior.rows, posterior.offset, limit, x[inside], q[inside])
 
-    def points(self, count: int, seed: int) -> Reals:
-        """(count, k) samples: half of them from the outer half of the region."""
+    def points(self, count: int, seed: int, certified: bool = False) -> Reals:
+        """(count, k) samples: half from the outer half of the region; those to certify are none to train with."""
         random = np.random.default_rng(seed)
-        outer = np.flatnonzero(self.size >= np.median(self.size))
+        every, size = self.inside[int(certified) :: 2], self.size[int(certified) :: 2]
+        outer = np.flatnonzero(size >= np.median(size))
         some = random.choice(outer, count // 2, replace=len(outer) < count)
-        more = random.choice(len(self.inside), count - count // 2, replace=len(self.inside) < count)
-        return self.inside[np.concatenate([some, more])]
+        more = random.choice(len(every), count - count // 2, replace=len(every) < count)
+        return every[np.concatenate([some, more])]
+
+    def box(self, result: UpdateResult, sampled: Sampled | None) -> _Box:
+        """Ranges about the region, the samples of a posterior distribution and the updated point, within the bounds."""
+        x = np.vstack([self.inside, np.asarray(result.x)[None], *([] if sampled is None else [sampled.x])])
+        low, high, (lower, upper) = x.min(axis=0), x.max(axis=0), result.parameters.bounds
+        more = np.maximum(_NARROW * (high - low), 1e-3 * (upper - lower))
+        return np.maximum(low - more, lower), np.minimum(high + more, upper)
 
     def record(self, arrays: dict[str, NDArray]) -> LiveRegion:
         # combinations that the data leave undetermined are as wide as the samples, many times over
@@ -242,8 +266,9 @@ class Sampled:
 
 
 def _draws(
-    result: UpdateResult, region: _Region | None, sampled: Sampled | None, others: bool, arrays: dict[str, NDArray]
-) -> LiveDraws | None:
+    result: UpdateResult, region: _Region | None, sampled: Sampled | None, box: _Box, others: bool,
+    arrays: dict[str, NDArray],
+) -> LiveDraws | None:  # fmt: skip
     """From the posterior where there is one, else from the linearised distribution."""
     random = np.random.default_rng(_SEED)
     if sampled is not None:
@@ -255,6 +280,8 @@ def _draws(
         return None
     x = posterior.samples
     x = x[random.choice(len(x), min(_DRAWN_LINEAR, len(x)), replace=False)]
+    # samples beyond narrowed ranges are beyond the 95 % limit too
+    x = x[((x >= box[0]) & (x <= box[1])).all(axis=1)]
     d = (x - posterior.at)[:, posterior.moving]
     arrays["live/draws"] = x
     arrays["live/draws_linear"] = np.sum((d @ posterior.rows.T + posterior.offset) ** 2, axis=1)
@@ -279,13 +306,10 @@ class _First:
     Parameters
     ----------
     basis : (n_free, r); None where the model is the full one
-    error : largest of its frequencies in %, in the region and in the bounds, where it was last compared with the full
-        model, or estimated; None for the full model
     """
 
     model: ReducedModel
     basis: Reals | None
-    error: tuple[float, float] | None
 
     def full(self, vectors: Reals) -> Reals:
         """Vectors in the DOFs of the full model."""
@@ -294,44 +318,57 @@ class _First:
 
 @dataclass(eq=False)
 class _Making:
+    """Makes the live models of all configurations for ranges of the parameters."""
+
     study: Study
     found: FoundParameters
     region: _Region | None
     progress: Progress
+    box: _Box
     solutions: int = 0
+    known: dict[str, _First] = field(default_factory=dict)
 
     @property
     def result(self) -> UpdateResult:
         return self.found.result
 
-    def configuration(self, number: int, state: CaseState, arrays: dict[str, NDArray]) -> LiveConfiguration | str:
-        """The record, its arrays entered, or why it cannot be made."""
+    def every(self, states: Sequence[CaseState]) -> tuple[list[LiveConfiguration] | str, dict[str, NDArray]]:
+        """The records with their arrays, or why they cannot be made for these ranges."""
+        out: list[LiveConfiguration] = []
+        arrays: dict[str, NDArray] = {}
+        for i, state in enumerate(states):
+            self.progress.step(f"live model: {state.case.name}", i, len(states))
+            one = self._configuration(i, state, arrays)
+            if isinstance(one, str):
+                return one, {}
+            out.append(one)
+        return out, arrays
+
+    def _configuration(self, number: int, state: CaseState, arrays: dict[str, NDArray]) -> LiveConfiguration | str:
         configured, x = state.case.on_full_model.configured, np.asarray(self.result.x, float)
-        count = state.solution.wanted
+        count, name = state.solution.wanted, state.case.name
         try:
-            first = self._first(state, configured, count)
-            groups = separated_terms(configured, x, ("stiffness", "mass"))
+            groups = separated_terms(configured, x, ("stiffness", "mass"), self.box)
             if isinstance(groups, str):
                 return groups
-            return self._made(state, first, groups, x, count, f"live/{number + 1}", arrays)
+            if name not in self.known:
+                self.known[name] = self._first(state, configured, count)
+            return self._made(state, self.known[name], groups, x, count, f"live/{number + 1}", arrays)
         except FemtuneError as error:
             return f"the model cannot be solved at all values of the parameters: {error.what}"
         except np.linalg.LinAlgError:
-            return f"K − σM is not positive definite at some values of the parameters ({state.case.name})"
+            return f"K − σM is not positive definite at some values of the parameters ({name})"
 
     def _made(
         self, state: CaseState, first: _First, groups: Sequence[Separated], x: Reals, count: int, prefix: str,
         arrays: dict[str, NDArray],
     ) -> LiveConfiguration | str:  # fmt: skip
-        whole = first.model.order <= WHOLE
         snapshots = (
-            [] if whole else [*self._region_points(_REGION_SNAPSHOTS, 1), *self._bounds_points(_BOUNDS_SNAPSHOTS, 1)]
-        )
+            [] if is_whole(first.model)
+            else [*self._region_points(_REGION_SNAPSHOTS, 1), *self._bounds_points(_BOUNDS_SNAPSHOTS, 1)]
+        )  # fmt: skip
         basis = second_basis(first.model, x, snapshots, count + _ABOVE, min(MOST_ORDER, first.model.order))
-        terms = self._smallest(first, basis, groups, x, count)
-        if terms is None:
-            return "its frequencies cannot be computed at the updated point with few enough vectors"
-        vectors, model = terms
+        vectors, model = self._smallest(first, basis, groups, x, count)
         if not model.terms:
             return f"no parameter changes stiffness or mass ({state.case.name})"
         case = next(c for c in (self.found.study or self.study).cases if c.name == state.case.name)
@@ -340,16 +377,10 @@ class _Making:
     def _first(self, state: CaseState, configured: ConfiguredModel, count: int) -> _First:
         trained = _trained(self.found, state)
         if trained is not None:
-            facts = self.found.reduction
-            models = [m for m in facts.models if m.configuration == state.case.name] if facts else []
-            here = max(
-                (m.certified_error_percent for m in models if np.isfinite(m.certified_error_percent)), default=0.0
-            )
-            wide = max((m.estimate_percent for m in models if np.isfinite(m.estimate_percent)), default=0.0)
-            return _First(*trained, (here, max(here, wide)))
+            return _First(*trained)
         shift = float(state.solution.shift)
         if configured.n_free <= SMALL:
-            return _First(reduce_model(configured, np.eye(configured.n_free), shift=shift), None, None)
+            return _First(reduce_model(configured, np.eye(configured.n_free), shift=shift), None)
         return self._region_trained(state, configured, count, shift)
 
     def _region_trained(self, state: CaseState, configured: ConfiguredModel, count: int, shift: float) -> _First:
@@ -359,46 +390,51 @@ class _Making:
         for i, x in enumerate(points):
             self.progress.step(f"live model of {state.case.name}: solutions of the full model", i, len(points))
             columns.append(solver.modes(configured.at(x), count, None).shapes)
-        self.solutions += len(points) + (2 if self.region is None else 4)
+        self.solutions += len(points)
         metric = state.point.symmetric_stiffness.plus(-shift, state.point.symmetric_mass)
         basis = np.linalg.qr(np.hstack([c / np.linalg.norm(c, axis=0) for c in columns]))[0]
         gram = basis.T @ (metric @ basis)
         size, turned = np.linalg.eigh(0.5 * (gram + gram.T))
         basis = basis @ (turned / np.sqrt(size))
-        model = reduce_model(configured, basis, shift=shift)
-        errors = []
-        for x in [*self._region_points(2, 3), *self._bounds_points(2, 3)]:
-            full = solver.modes(configured.at(x), count, None).eigenvalues[:count]
-            errors.append(100.0 * _error(reduced_modes(model.at(x), count).eigenvalues, full))
-        return _First(model, basis, (max(errors[:-2], default=0.0), max(errors)))
+        return _First(reduce_model(configured, basis, shift=shift), basis)
 
-    def _region_points(self, count: int, seed: int) -> Reals:
+    def _region_points(self, count: int, seed: int, certified: bool = False) -> Reals:
         k = len(self.result.x)
-        return np.zeros((0, k)) if self.region is None else self.region.points(count, _SEED + seed)
+        return np.zeros((0, k)) if self.region is None else self.region.points(count, _SEED + seed, certified)
 
     def _bounds_points(self, count: int, seed: int) -> Reals:
-        lower, upper = self.result.parameters.bounds
-        return candidates(lower, upper, count - count // 4, count // 4, _SEED + 10 * seed)
+        return candidates(*self.box, count - count // 4, count // 4, _SEED + 10 * seed)
+
+    def _corners(self) -> Reals:
+        """(c, k) corners of the ranges: all of them for few parameters, else both ends and some that are drawn."""
+        k, (lower, upper) = len(self.result.x), self.box
+        if 2**k <= _CORNERS:
+            high = (np.arange(2**k)[:, None] >> np.arange(k)) & 1
+        else:
+            drawn = np.random.default_rng(_SEED).integers(0, 2, (_CORNERS - 2, k))
+            high = np.vstack([np.zeros(k, int), np.ones(k, int), drawn])
+        return np.where(high == 1, upper, lower)
 
     def _smallest(
         self, first: _First, basis: SecondBasis, groups: Sequence[Separated], x: Reals, count: int
-    ) -> tuple[Reals, LiveModel] | None:
+    ) -> tuple[Reals, LiveModel]:
         """The live model of the lowest order whose errors at some points are small enough, else of the largest one."""
         most = basis.vectors.shape[1]
         tried = [(_REGION_TARGET, self._region_points(6, 4)), (_BOUNDS_TARGET, self._bounds_points(8, 4))]
-        some = [] if most <= WHOLE else [(target, p) for target, points in tried for p in points]
+        whole = is_whole(first.model)
+        some = [] if whole else [(target, p) for target, points in tried for p in points]
         known = [(target, p, _solved_first(first.model, p, count)) for target, p in some]
-        order, last = float(most if most <= WHOLE else min(basis.count + 8, most)), None
+        order, last = float(most if whole else min(basis.count + 8, most)), None
         while True:
             vectors = basis.leading(round(order))
-            model = live_model(first.model, vectors, groups, x, count)
+            model = live_model(first.model, vectors, groups, x, count, box=self.box)
             room = sum(t.triangle.nbytes for t in model.terms) <= MOST_BYTES // max(1, len(self.result.after.states))
             if not room and last is not None:
                 return last
             last = vectors, model
             live = [solved(model, p) for _, p, full in known if full is not None]
             wanted = [(target, full) for target, _, full in known if full is not None]
-            if all(m is not None and _error(m.eigenvalues, full) <= t for m, (t, full) in zip(live, wanted)):
+            if all(m is not None and frequency_error(m.eigenvalues, full) <= t for m, (t, full) in zip(live, wanted)):
                 return last
             if round(order) >= most:
                 return last
@@ -407,15 +443,18 @@ class _Making:
     def _record(
         self, case: StudyCase, state: CaseState, first: _First, vectors: Reals, model: LiveModel, prefix: str,
         arrays: dict[str, NDArray],
-    ) -> LiveConfiguration:  # fmt: skip
+    ) -> LiveConfiguration | str:  # fmt: skip
         test, residuals = state.case.test, self.study.problem().residuals
         full = first.full(vectors)
         sensors = np.asarray(state.case.on_full_model.sensors @ full, np.float32)
-        parts = page_parts(self.result.after, self.result.after.states.index(state), residuals)
-        rows = state.case.on_full_model.sensors
-        first_rows = np.asarray(rows.toarray() if first.basis is None else rows @ first.basis)
-        certified = _Certified(first.model, first_rows, model, sensors.astype(float), state, parts)
-        region = self._region_points(_POINTS, 5)
+        groups = elastic_groups(state, model)
+        known = {i for tests, _ in groups for i in tests}
+        parts = page_parts(self.result.after, self.result.after.states.index(state), residuals, known)
+        certified = Certified(model, sensors.astype(float), state, parts)
+        region, bounds, region_full, bounds_full = self._certificates(certified, first, vectors, full)
+        worst = max(c.frequency_percent for c in (region, bounds, region_full, bounds_full) if c is not None)
+        if worst > MOST_PERCENT:
+            return _too_inaccurate(worst, model.order, state.case.name)
         polynomials = np.concatenate([np.zeros(0), *(t.function.coefficients.ravel() for t in model.terms)])
         starts = np.cumsum([0, *(t.function.coefficients.size for t in model.terms)])
         weights = np.concatenate([np.zeros(0), *(p.weights.ravel() for p in parts if p.weights is not None)])
@@ -430,19 +469,18 @@ class _Making:
             **self._mass_rows(case, full),
         }
         checks = []
-        for i, x in enumerate([*self._region_points(1, 6), *self._bounds_points(3, 6)][-3:]):
+        inside = self._region_points(1, 6)
+        for i, x in enumerate([*inside, *self._bounds_points(3 - len(inside), 6)]):
             modes = solved(model, x)
             if modes is not None:
                 stored |= {f"check_{i}_x": np.asarray(x), f"check_{i}": modes.eigenvalues}
                 keys = {"x_key": f"{prefix}/check_{i}_x", "eigenvalues_key": f"{prefix}/check_{i}"}
                 checks.append(LiveCheck(chi_square=certified.chi_square(modes), **keys))
         arrays |= {f"{prefix}/{name}": a for name, a in stored.items()}
-        drawn = {f"{n}_key": f"{prefix}/{n}" for n in ("drawing", "drawing_weights", "mass_rows") if n in stored}
+        drawn = {name: f"{prefix}/{name}" for name in ("drawing", "drawing_weights", "mass_rows") if name in stored}
         return LiveConfiguration(
             configuration=case.name, order=model.order, dofs=state.case.on_full_model.configured.n_free,
-            compared_with="full model" if first.error is None else "reduced model", compared_order=first.model.order,
-            reduced_error_percent=first.error and first.error[0],
-            reduced_bounds_percent=first.error and first.error[1], count=model.count, shift=model.shift,
+            count=model.count, shift=model.shift,
             theta_key=f"{prefix}/theta",
             terms=tuple(
                 LiveTermRecord(
@@ -458,12 +496,41 @@ class _Making:
             test_labels=tuple(test.labels),
             test_freq_hz=tuple(map(float, test.freq_hz)),
             pairs=tuple(
-                LivePair(test=i, mode=j, modes=tuple(models)) for i, j, models in _partners_at_update(state)
+                LivePair(test=i, mode=j, modes=tuple(models))
+                for tests, models in groups for i, j in zip(tests, models)
             ),
             parts=_part_records(parts), weights_key=f"{prefix}/weights",
-            region=certified.at(region) if len(region) else None, bounds=certified.at(self._bounds_points(_POINTS, 5)),
-            checks=tuple(checks), **drawn,
+            region=region, bounds=bounds, region_full=region_full, bounds_full=bounds_full, checks=tuple(checks),
+            drawing_key=drawn.get("drawing"), drawing_weights_key=drawn.get("drawing_weights"),
+            mass_rows_key=drawn.get("mass_rows"),
         )  # fmt: skip
+
+    def _certificates(
+        self, certified: Certified, first: _First, vectors: Reals, full: Reals
+    ) -> tuple[LiveCertificate | None, LiveCertificate, LiveCertificate | None, LiveCertificate | None]:
+        """In the region and the ranges, beside the model that the live one is made of, and both beside the full one."""
+        state, corners = certified.state, self._corners()
+        case = state.case.on_full_model
+        rows = np.asarray(case.sensors.toarray() if first.basis is None else case.sensors @ first.basis)
+        other = FirstModel("full model" if first.basis is None else "reduced model", first.model, rows, vectors)
+        region = self._region_points(_POINTS, 5, certified=True)
+        bounds = np.vstack([candidates(*self.box, _POINTS, 0, _SEED + 50), corners])
+        inside, inside_errors = certified.beside(other, region, 0)
+        wide, wide_errors = certified.beside(other, bounds, len(corners))
+        assert wide is not None
+        if first.basis is None or max(inside_errors.max(initial=0.0), wide_errors.max()) > MOST_PERCENT:
+            return inside, wide, None, None
+        done = iter(range(2 * _FULL_POINTS))
+
+        def told() -> None:
+            self.progress.step(f"live model of {state.case.name} beside the full model", next(done), 2 * _FULL_POINTS)
+            self.solutions += 1
+
+        whole = FullModel(state, case.configured, full, told)
+        at, beyond = _to_compare(inside_errors, len(region)), _to_compare(wide_errors, _POINTS)
+        inside_full, _ = certified.beside(whole, region[at], 0)
+        wide_full, _ = certified.beside(whole, bounds[beyond], sum(i >= _POINTS for i in beyond))
+        return inside, wide, inside_full, wide_full
 
     @staticmethod
     def _mass_rows(case: StudyCase, full: Reals) -> dict[str, NDArray]:
@@ -504,9 +571,24 @@ def _same_kinds(configurations: list[LiveConfiguration], at: Evaluation) -> list
     return [c.model_copy(update={"parts": tuple(p for p in c.parts if p.kind in whole)}) for c in configurations]
 
 
-def _partners_at_update(state: CaseState) -> list[tuple[int, int, tuple[int, ...]]]:
-    """Test mode, its partner, and all modes that span its motion; of close modes those of one rank are partners."""
-    return [(i, j, tuple(models)) for tests, models in state.groups for i, j in zip(tests, models)]
+def _to_compare(errors: Reals, inner: int) -> list[int]:
+    """Positions of the two points with the largest errors, of the first inner point and of the last one (a corner where
+    there are corners), filled up with further inner ones."""
+    worst = np.argsort(-errors, kind="stable")[:2].tolist()
+    order = [*worst, 0, len(errors) - 1, *range(1, inner)]
+    return list(dict.fromkeys(i for i in order if 0 <= i < len(errors)))[:_FULL_POINTS]
+
+
+def _too_inaccurate(percent: float, order: int, configuration: str) -> str:
+    if percent >= MOST_ERROR:
+        return (
+            f"at some values of the parameters either the model or a live model of order {order} has no modes, and the "
+            f"other one has some ({configuration})"
+        )
+    return (
+        f"a live model of order {order} would have errors of {percent:.2g} % at some values of the parameters, and the "
+        f"limit is {MOST_PERCENT:.0f} % ({configuration})"
+    )
 
 
 def _mass_points(case: StudyCase) -> list[int]:
@@ -531,118 +613,8 @@ def _part_records(parts: Sequence[PagePart]) -> tuple[LivePart, ...]:
     return tuple(out)
 
 
-# ----------------------------------------------------------------------------------------------------
-# The certificate: the model of the page beside that which it was made of.
-
-
-_ELASTIC = 1e-6
-"""Eigenvalue over the largest one from which a mode is elastic."""
-
-
-def _error(values: Reals, full: Reals) -> float:
-    """Largest relative error of the frequencies of elastic modes."""
-    count = min(len(values), len(full))
-    some = full[:count] > _ELASTIC * full[:count].max(initial=0.0)
-    if len(values) < len(full) or not some.any():
-        return np.inf if len(values) < len(full) else 0.0
-    ratio = np.sqrt(np.maximum(values[:count][some], 0.0) / full[:count][some])
-    return float(np.abs(ratio - 1.0).max())
-
-
 def _solved_first(model: ReducedModel, x: Reals, count: int) -> Reals | None:
-    modes = _first_modes(model, x, count)
-    return None if modes is None else modes.eigenvalues[:count]
-
-
-def _first_modes(model: ReducedModel, x: Reals, count: int) -> ReducedModes | None:
     try:
-        return reduced_modes(model.at(x), count)
+        return reduced_modes(model.at(x), count).eigenvalues[:count]
     except FemtuneError:
         return None
-
-
-_NEAR = 1e-3
-"""Relative difference of the frequencies of two modes that may be the same one."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Certified:
-    """A live model beside its first model.
-
-    Parameters
-    ----------
-    sensors, first_sensors : (s, q) and (s, r) motion of the sensors in the coordinates of both
-    """
-
-    first: ReducedModel
-    first_sensors: Reals
-    live: LiveModel
-    sensors: Reals
-    state: CaseState
-    parts: Sequence[PagePart]
-
-    def at(self, points: Reals) -> LiveCertificate:
-        """Errors at points; those where the first model has no modes are not counted."""
-        worst, macs, solvable = 0.0, [], 0
-        for x in points:
-            known = _first_modes(self.first, x, self.live.count)
-            if known is None:
-                continue
-            solvable += 1
-            modes = solved(self.live, x)
-            if modes is None:
-                worst = np.inf
-                continue
-            worst = max(worst, _error(modes.eigenvalues, known.eigenvalues[: self.live.count]))
-            macs += self._mac_errors(modes, known)
-        return LiveCertificate(
-            points=solvable, frequency_percent=min(100.0 * worst, 1e9), mac=max(macs) if macs else None
-        )
-
-    def _mac_errors(self, modes: LiveModes, known: ReducedModes) -> list[float]:
-        """Differences of the MAC of each pair; not of close modes, which are rotated."""
-        if len(self.sensors) < 2:
-            return []
-        seen, first = self.sensors @ modes.shapes, self.first_sensors @ known.shapes[:, : self.live.count + 4]
-        out, become = [], self._become(modes)
-        for i, old, models in _partners_at_update(self.state):
-            if len(models) > 1:
-                continue
-            j = become[old]
-            test = self.state.case.test.shapes[:, i]
-            near = np.abs(known.eigenvalues[: first.shape[1]] / modes.eigenvalues[j] - 1.0) <= 2.0 * _NEAR
-            if near.any():
-                macs = np.array([_mac(first[:, k], test) for k in np.flatnonzero(near)])
-                out.append(float(np.abs(macs - _mac(seen[:, j], test)).min()))
-        return out
-
-    def _become(self, modes: LiveModes) -> dict[int, int]:
-        """Positions of the modes that those of the update which are compared have become."""
-        old = list(dict.fromkeys(j for _, models in self.state.groups for j in models))
-        overlap = (modes.mass[old] @ modes.shapes) / np.sqrt(self.live.theta[old, None])
-        return dict(zip(old, linear_sum_assignment(-(overlap**2))[1].tolist()))
-
-    def chi_square(self, modes: LiveModes) -> float:
-        """Sum of squares of the parts, without the error that all frequencies share."""
-        become, test, total = self._become(modes), self.state.case.test, 0.0
-        shapes = self.sensors @ modes.shapes
-        motions: dict[int, tuple[float, Reals]] = {}
-        for tests, models in self.state.groups:
-            columns = [become[j] for j in models]
-            none = np.zeros((0, len(columns), len(columns)))
-            seen = shapes[:, columns]
-            subspace = SubspaceDerivative(modes.eigenvalues[columns], none, none, np.zeros((*seen.shape, 0)), seen, 0.0)
-            aligned = align(subspace, test.shapes[:, list(tests)])
-            motions |= {i: (float(aligned.eigenvalues[k]), aligned.shapes[:, k]) for k, i in enumerate(tests)}
-        for part in self.parts:
-            eigenvalue, shape = motions[part.test]
-            values = part.values(eigenvalue, shape, float(test.freq_hz[part.test]), test.shapes[:, part.test])
-            total += float(values @ values)
-        return total
-
-
-def _mac(shape: Reals, test: Reals) -> float:
-    known = ~np.isnan(test)
-    phi, psi = shape[known], test[known]
-    size = float((phi @ phi) * (psi @ psi))
-    return float(phi @ psi) ** 2 / size if size > 0.0 else 0.0
