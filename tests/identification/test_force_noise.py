@@ -60,6 +60,28 @@ def test_errors_of_modes_have_the_noise_of_the_force() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("way", ["fitted again", "errors raised", "errors from some lines"])
+def test_errors_of_residues_are_those_that_their_covariance_states(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    truth = SHAPES * SHAPES[0] / (2j * START.imag)
+    if way != "fitted again":
+        monkeypatch.setattr(force_noise, "MOST_UNKNOWNS", 10)
+    scores = []
+    for seed in range(40):
+        whole = measured(seed, 1e-3)
+        if way == "errors from some lines":
+            monkeypatch.setattr(force_noise, "MOST_NUMBERS", whole.frfs.values.size * 2 * 3 // 2)
+        fit = with_force_noise(fit_modes(whole.frfs, START, None, whole=whole), whole)
+        effect = fit.pole_effect[:, 0]
+        covariance = fit.own_covariance[:, 0] + effect @ fit.pole_covariance @ effect.transpose(0, 1, 3, 2)
+        error = fit.residues[:, 0] - truth
+        both = np.stack([error.real, error.imag], axis=-1)[..., None]
+        scores.append(0.5 * (both.transpose(0, 1, 3, 2) @ np.linalg.solve(covariance, both))[..., 0, 0])
+    # of each mode: half a χ² of two degrees of freedom, which the functions share in part
+    assert 0.8 < np.mean(scores) < 1.25
+    assert (np.abs(np.mean(scores, axis=(0, 1)) - 1.0) < 0.45).all()
+
+
+@pytest.mark.slow
 def test_a_fit_without_noise_of_the_force_stays() -> None:
     kept = 0
     for seed in range(10):

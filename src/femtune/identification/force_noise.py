@@ -40,6 +40,22 @@ _TURNS = 20
 
 
 @dataclass(frozen=True, eq=False)
+class _ErrorsOfFit:
+    """Of the poles, and of the coordinates z of Q in the functions over the noise of each.
+
+    Parameters
+    ----------
+    poles : (2m, 2m) covariance of Re λ of every mode, then Im λ
+    own : (n, q, q) covariance of the z of a function for given poles
+    moved : (n, q, 2m) change of the z with the poles
+    """
+
+    poles: Reals
+    own: Reals
+    moved: Reals
+
+
+@dataclass(frozen=True, eq=False)
 class _Lines:
     """The lines of a record at given poles, all for noise of size 1 at a mean line.
 
@@ -67,44 +83,36 @@ class _Lines:
 def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] = OUT_OF_BAND) -> ModalFit:
     """The fit of a whole record with the noise of its force, where there is any; else as it is.
 
-    Poles and their covariance are those of the likelihood with the force's noise; residues are fitted for these poles,
-    and their own covariances have the part of the force.
+    Poles, residues and their covariances are those of the likelihood with the noise of the force. With many functions
+    or lines only the covariances contain it; poles and residues are those of the given fit.
     """
     n, _, k = whole.frfs.values.shape
     most = MOST_NUMBERS // (2 * n * len(fit.poles))
-    factor = np.sqrt(np.tile(fit.spread, 2))
-    if k > most:
-        now = _lines(fit.poles, whole.thinned(most), terms)
-        noise = _noise(now)
-        if noise is None:
-            return fit
-        # part of the lines has that part of the information
-        covariance = _raised(now, *noise) * len(now.free) / k
-        return replace(fit, pole_covariance=covariance * np.outer(factor, factor))
-    now = _lines(fit.poles, whole, terms)
+    # part of the lines has that part of the information
+    thin = k > most
+    now = _lines(fit.poles, whole.thinned(most) if thin else whole, terms)
     noise = _noise(now)
     if noise is None:
         return fit
     variance, force = noise
-    if now.coefficients.size <= MOST_UNKNOWNS:
-        poles, covariance, now = _refitted(fit.poles, now, variance, force, whole, terms)
-    else:
-        poles, covariance = fit.poles, _raised(now, variance, force)
+    if thin or now.coefficients.size > MOST_UNKNOWNS:
+        errors = _raised(now, variance, force)
+        errors = replace(errors, poles=errors.poles * len(now.free) / k, own=errors.own * len(now.free) / k)
+        return _with_errors(fit, now, variance, errors)
+    poles, errors, now = _refitted(fit.poles, now, variance, force, whole, terms)
     m = len(poles)
     basis = modal_basis(whole.frfs.freq_hz, poles, whole.frfs.kind, terms)
     inside = whole.of_functions(now.coefficients, m, len(terms))
     values = inside @ basis.columns.T
-    return replace(
+    fit = replace(
         fit,
         poles=poles,
         residues=(inside[:, :m] + 1j * inside[:, m : 2 * m])[:, None],
         terms=inside[:, None, 2 * m :],
-        pole_covariance=covariance * np.outer(factor, factor),
-        own_covariance=_own(now, variance, force)[:, None],
-        pole_effect=_effect(now)[:, None],
         synthesised=replace(fit.synthesised, values=values.reshape(-1, 1, k)),
         ends=now.coefficients @ whole.basis(poles, terms).columns.T - values,
     )
+    return _with_errors(fit, now, variance, errors)
 
 
 def _lines(poles: Complexes, whole: WholeRecord, terms: tuple[str, ...], given: Reals | None = None) -> _Lines:
@@ -172,22 +180,45 @@ def _slopes(now: _Lines, variance: Reals) -> Complexes:
 
 def _refitted(
     poles: Complexes, now: _Lines, variance: Reals, force: float, whole: WholeRecord, terms: tuple[str, ...]
-) -> tuple[Complexes, Reals, _Lines]:
-    """Poles, their covariance and coefficients of most likelihood; those before, if the steps do not end."""
+) -> tuple[Complexes, _ErrorsOfFit, _Lines]:
+    """Poles, their errors and coefficients of most likelihood; those before, if the steps do not end."""
     begin, lines, m = poles, now, len(poles)
     for _ in range(MOST_STEPS):
-        step, change, covariance = _step(lines, variance, force)
-        poles = poles + step[:m] + 1j * step[m:]
+        step = _step(lines, variance, force)
+        poles = poles + step.poles[:m] + 1j * step.poles[m:]
         if not ((poles.real < 0.0).all() and (poles.imag > 0.0).all() and np.isfinite(poles).all()):
             break
-        lines = _lines(poles, whole, terms, lines.coefficients + change)
-        if (np.abs(step) < SMALL * np.sqrt(np.diag(covariance))).all():
-            return poles, covariance, lines
+        lines = _lines(poles, whole, terms, lines.coefficients + step.coefficients)
+        if (np.abs(step.poles) < SMALL * np.sqrt(np.diag(step.covariance))).all():
+            return poles, step.errors(), lines
     return begin, _raised(now, variance, force), now
 
 
-def _step(now: _Lines, variance: Reals, force: float) -> tuple[Reals, Reals, Reals]:
-    """(2m,) and (n, q) changes of poles and coefficients, and (2m, 2m) the covariance of the poles."""
+@dataclass(frozen=True, eq=False)
+class _GaussNewtonStep:
+    """A Gauss-Newton step.
+
+    Parameters
+    ----------
+    poles, coefficients : (2m,), (n, q) changes
+    covariance : (2m, 2m) of the poles
+    factor : of the normal matrix of all z for given poles
+    moved : (n, q, 2m) change of the z with the poles, in which the noise of the force ties the functions together
+    """
+
+    poles: Reals
+    coefficients: Reals
+    covariance: Reals
+    factor: tuple[Reals, bool]
+    moved: Reals
+
+    def errors(self) -> _ErrorsOfFit:
+        n, q, _ = self.moved.shape
+        every = cho_solve(self.factor, np.eye(n * q), check_finite=False).reshape(n, q, n, q)
+        return _ErrorsOfFit(self.covariance, np.einsum("fpfq->fpq", every), self.moved)
+
+
+def _step(now: _Lines, variance: Reals, force: float) -> _GaussNewtonStep:
     slopes, (n, q) = _slopes(now, variance), now.coefficients.shape
     white, loaded = (values / np.sqrt(variance)[:, None] for values in (now.left, now.loaded))
     g = np.sum(np.abs(loaded) ** 2, axis=0)
@@ -209,7 +240,8 @@ def _step(now: _Lines, variance: Reals, force: float) -> tuple[Reals, Reals, Rea
     covariance = np.linalg.pinv(normal[:a, :a] - normal[:a, a:] @ across[:, :a], hermitian=True)
     step = covariance @ (gradient[:a] - normal[:a, a:] @ across[:, a])
     coordinates = (across[:, a] - across[:, :a] @ step).reshape(n, q) * np.sqrt(variance)[:, None]
-    return step, (coordinates - _moved(now, step)) @ now.back.T, covariance
+    change = (coordinates - _moved(now, step)) @ now.back.T
+    return _GaussNewtonStep(step, change, covariance, factor, -across[:, :a].reshape(n, q, a))
 
 
 def _moved(now: _Lines, step: Reals) -> Reals:
@@ -219,29 +251,35 @@ def _moved(now: _Lines, step: Reals) -> Reals:
     return np.asarray(np.einsum("qapr,ar,fpr->fq", now.shadow, step.reshape(2, m), c, optimize=True))
 
 
-def _raised(now: _Lines, variance: Reals, force: float) -> Reals:
-    """(2m, 2m) the covariance of poles that were fitted as if the force had no noise."""
-    slopes, loaded = _slopes(now, variance), now.loaded / np.sqrt(variance)[:, None]
+def _raised(now: _Lines, variance: Reals, force: float) -> _ErrorsOfFit:
+    """Of poles and residues that were fitted as if the force had no noise."""
+    slopes, a = _slopes(now, variance), now.loaded / np.sqrt(variance)[:, None]
     inverse = np.linalg.pinv(np.einsum("fka,fkb->ab", slopes.conj(), slopes, optimize=True).real, hermitian=True)
-    shared = real_rows(np.einsum("fk,fka->ka", loaded.conj(), slopes) * np.sqrt(force))
-    return np.asarray(inverse + inverse @ (shared.T @ shared) @ inverse)
+    shared = real_rows(np.einsum("fk,fka->ka", a.conj(), slopes) * np.sqrt(force)) @ inverse
+    poles = inverse + shared.T @ shared
+    back, q = np.linalg.pinv(poles, hermitian=True), now.Q.shape[1]
+    own, moved = np.empty((len(a), q, q)), np.empty((len(a), q, len(poles)))
+    for f, loaded in enumerate(a):
+        # the same error of the force moves the poles and the z
+        rows = real_rows(now.Q * loaded.conj()[:, None] * np.sqrt(force))
+        both = rows.T @ shared
+        moved[f] = both @ back
+        own[f] = np.eye(q) + rows.T @ rows - moved[f] @ both.T
+    return _ErrorsOfFit(poles, own, moved)
 
 
-def _own(now: _Lines, variance: Reals, force: float) -> Reals:
-    """(n, m, 2, 2) covariances of (Re R, Im R) for given poles."""
-    m = now.across.shape[3]
-    out = np.empty((len(variance), m, 2, 2))
-    half = now.back[: 2 * m]
-    for f, level in enumerate(variance):
-        loaded = now.Q * np.abs(now.loaded[f])[:, None]
-        both = half @ (level * np.eye(len(now.back)) + force * (loaded.conj().T @ loaded).real) @ half.T
-        out[f] = np.einsum("arbr->rab", both.reshape(2, m, 2, m))
-    return out
-
-
-def _effect(now: _Lines) -> Reals:
-    """(n, m, 2, 2m) change of (Re R, Im R) with the poles."""
+def _with_errors(fit: ModalFit, now: _Lines, variance: Reals, errors: _ErrorsOfFit) -> ModalFit:
+    """With the covariances of poles and residues; that of a pole on which the functions disagree is larger."""
+    factor = np.sqrt(np.tile(fit.spread, 2))
     q, _, p, m = now.shadow.shape
+    half, level = now.back[: 2 * m], np.sqrt(variance)[:, None, None]
+    own = np.einsum("farbr->frab", (level**2 * (half @ errors.own @ half.T)).reshape(-1, 2, m, 2, m))
     c = now.coefficients[:, : p * m].reshape(-1, p, m)
-    effect = -(now.back[: 2 * m] @ now.shadow.reshape(q, -1)).reshape(2, m, 2, p, m)
-    return np.asarray(np.einsum("xtapr,fpr->ftxar", effect, c, optimize=True).reshape(len(c), m, 2, 2 * m))
+    by_poles = np.einsum("qapr,fpr->fqar", now.shadow, c, optimize=True).reshape(len(c), q, 2 * m)
+    effect = (half @ (level * errors.moved - by_poles)).reshape(-1, 2, m, 2 * m)
+    return replace(
+        fit,
+        pole_covariance=errors.poles * np.outer(factor, factor),
+        own_covariance=np.ascontiguousarray(own)[:, None],
+        pole_effect=np.ascontiguousarray(effect.transpose(0, 2, 1, 3))[:, None],
+    )

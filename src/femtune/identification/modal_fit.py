@@ -86,11 +86,20 @@ class ModalFit:
         """The fit with responses and references exchanged; not of a whole record, which has one reference."""
         if self.ends is not None:
             raise ValueError("the fit of a whole record has one reference")
-        turned = {
-            name: np.ascontiguousarray(np.swapaxes(getattr(self, name), 0, 1))
-            for name in ("residues", "terms", "own_covariance", "pole_effect", "sd")
-        }
-        return replace(self, **turned, synthesised=self.synthesised.transposed(), measured=self.measured.transposed())
+
+        def turned(values: NDArray) -> NDArray:
+            return np.ascontiguousarray(np.swapaxes(values, 0, 1))
+
+        return replace(
+            self,
+            residues=turned(self.residues),
+            terms=turned(self.terms),
+            own_covariance=turned(self.own_covariance),
+            pole_effect=turned(self.pole_effect),
+            sd=turned(self.sd),
+            synthesised=self.synthesised.transposed(),
+            measured=self.measured.transposed(),
+        )
 
     @property
     def outside(self) -> Flags:
