@@ -13,7 +13,7 @@ from tests.study.plate import plate_deck
 
 import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.planning import PoleTest
+from femtune.planning import PoleTest, by_half_bandwidths
 
 _DECK = """SOL 103
 CEND
@@ -67,7 +67,7 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         ("plan.too-many-sensors, visualisation", '[plan]\nmodes = [1, 2]\nuniaxial = 3\nvisualisation = 3\n'),
         ("plan.dependent", '[plan]\nmodes = [1, 2, 3]\nnodes = [4]\ntriaxial = 1\ndirections = ["Z"]\n'),
         ("plan.exciters, too many", '[plan]\nmodes = [1, 2]\nexciters = 9\n'),
-        ("plan.pole-lines", '[plan]\nmodes = [1, 2]\nexciters = 1\nidentification_lines = 5\n'),
+        ("plan.pole-lines", '[plan]\nmodes = [1, 2]\nexciters = 1\nidentification_lines = 4\n'),
         ("plan.pole-lines, no exciters", '[plan]\nmodes = [1, 2]\nidentification_lines = 20\n'),
         ("plan.exciters, none", '[plan]\nmodes = [1, 2]\ndata = "frfs"\n'),
         ("plan.exciters, no candidate", '[plan]\nmodes = [1, 2]\nexciters = 1\nexciter_nodes = [1]\n'),
@@ -95,8 +95,26 @@ def test_lines_for_an_identification_need_noise() -> None:
     check_shown("plan.pole-lines, noise", caught.value)
 
 
+def test_lines_for_an_identification_need_damping_and_a_band_with_modes() -> None:
+    with pytest.raises(FemtuneError) as caught:
+        PoleTest(np.array([10.0, 20.0]), np.array([0.0, 0.01]), np.ones((1, 2)), 0.02, 0.0)
+    check_shown("plan.pole-lines, damping", caught.value)
+    with pytest.raises(FemtuneError) as caught:
+        by_half_bandwidths(np.array([10.0]), np.array([0.01]), 20.0, 30.0, 4)
+    check_shown("plan.pole-lines, band", caught.value)
+
+
+def test_lines_for_an_identification_need_elastic_modes(tmp_path: Path) -> None:
+    text = "[plan]\nmodes = [1, 2]\nrigid_body = true\nexciters = 1\nidentification_lines = 20\n"
+    study = _study(tmp_path, text, _DECK.replace("SPC1,1,123456,1", "SPC1,1,4,1,2,3,4"))
+    with pytest.raises(FemtuneError) as caught:
+        ft.plan(study)
+    check_shown("plan.pole-lines, rigid-body", str(caught.value).replace(str(tmp_path), "folder"))
+
+
 def test_lines_that_are_not_wanted_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("femtune.steps.plan.run.solve", None)  # refused before
     with pytest.raises(FemtuneError) as caught:
         ft.plan(_study(tmp_path, "[plan]\nmodes = [1, 2]\n"), lines="lines.txt")
     check_shown("plan.pole-lines, not wanted", caught.value)

@@ -208,6 +208,23 @@ def test_a_singular_small_matrix_has_no_dense_factors():
         factorise(sp.csr_array(np.diag([1.0, 0.0, -1.0])))
 
 
+def test_a_small_matrix_that_is_singular_to_rounding_has_no_factors() -> None:
+    """Springs of 0.1, 0.2 and 0.3 between four free points: elimination leaves 1e-17 in place of zero."""
+    chain = np.zeros((4, 4))
+    for i, k in enumerate((0.1, 0.2, 0.3)):
+        chain[i : i + 2, i : i + 2] += k * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    with pytest.raises(SingularMatrixError):
+        factorise(sp.csr_array(chain))
+    # a soft spring to ground is no rounding
+    chain[3, 3] += 1e-9
+    assert factorise(sp.csr_array(chain)).negative_pivots == 0
+
+
+def test_a_small_matrix_with_an_entry_that_is_no_number_has_no_factors() -> None:
+    with pytest.raises(SingularMatrixError, match="not a finite number"):
+        factorise(sp.csr_array(np.diag([1.0, np.nan, 2.0])))
+
+
 def test_automatic_is_by_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FEMTUNE_SOLVER", "automatic")
     assert (analyse(net(10)).name, analyse(net(20)).name) == ("dense", "SuperLU")

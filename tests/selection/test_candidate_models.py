@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from scipy.stats import multivariate_normal, norm
 
 from femtune.selection.candidate_models import CandidateFit, rank_candidates, subset_count, subsets
 from femtune.selection.evidence import LinearFit, log_box_integral, log_evidence
+from femtune.truncated_normal import log_mass
 
 
 def linear_fit(r0: np.ndarray, A: np.ndarray, prior_sd: np.ndarray) -> tuple[CandidateFit, float]:
@@ -58,6 +60,52 @@ def test_the_evidence_of_bounds_alone_is_the_mean_likelihood(seed: int) -> None:
     dense = np.log(np.mean(np.exp(-0.5 * np.sum((r + d @ J.T) ** 2, axis=-1))))
     fit = LinearFit(J.T @ J, J.T @ r, lower, upper, np.zeros(2), np.full(2, np.inf))
     assert log_evidence(float(r @ r), fit) == pytest.approx(float(dense), abs=2e-3)
+
+
+def by_quadrature(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
+    """ln ∫ exp(−gᵀd − ½ dᵀH d) of two parameters: the second one in closed form, the first by a sum on a fine grid."""
+    near = np.geomspace(1e-12, 1.0, 40_000) * (upper[0] - lower[0])
+    places = [np.linspace(lower[0], upper[0], 200_001), lower[0] + near, upper[0] - near, near, -near]
+    d = np.unique(np.clip(np.concatenate(places), lower[0], upper[0]))
+    slope, sd = H[0, 1] * d + g[1], 1.0 / np.sqrt(H[1, 1])
+    inner = log_mass((lower[1] + slope * sd**2) / sd, (upper[1] + slope * sd**2) / sd)
+    logs = -g[0] * d - 0.5 * H[0, 0] * d**2 + 0.5 * (slope * sd) ** 2 + np.log(sd * np.sqrt(2.0 * np.pi)) + inner
+    return float(logs.max() + np.log(np.trapezoid(np.exp(logs - logs.max()), d)))
+
+
+def test_the_integral_of_two_parameters_that_end_at_a_bound() -> None:
+    """One at its bound with a slope, the other tied to it by the data."""
+    H = np.array([[5663.6, -2208.9], [-2208.9, 2554.16]])
+    box = np.array([0.0, -0.59]), np.array([2.0, 1.41])
+    found = log_box_integral(H, np.array([1350.6, 0.0]), *box)
+    assert found == pytest.approx(-10.214, abs=1e-3)
+    assert found == pytest.approx(by_quadrature(H, np.array([1350.6, 0.0]), *box), abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_the_integral_where_data_pull_past_the_bounds(seed: int) -> None:
+    """Correlated parameters of very different curvature, of which none, one or both end at a bound."""
+    rng = np.random.default_rng(seed)
+    J = rng.standard_normal((6, 2)) * np.exp(rng.uniform(-1.0, 6.0, 2))
+    if seed % 3 == 0:
+        J[:, 0] = 0.98 * J[:, 1] + 0.02 * J[:, 0]
+    if seed % 4 == 1:
+        J[:, 0] = 0.999 * J[:, 1] + 0.001 * J[:, 0]
+    r = 3.0 * rng.standard_normal(6) - J @ rng.uniform(-1.6, 1.6, 2)
+    x = lsq_linear(J, -r, (-1.0, 1.0)).x
+    H, g = J.T @ J, J.T @ (r + J @ x)
+    assert log_box_integral(H, g, -1.0 - x, 1.0 - x) == pytest.approx(by_quadrature(H, g, -1.0 - x, 1.0 - x), abs=3e-3)
+
+
+@pytest.mark.parametrize("size", [1e4, 1e8, 1e12])
+def test_the_integral_of_combinations_that_nothing_determines(size: float) -> None:
+    """Only the sum of three parameters is known: the box cuts the plane on which it is zero."""
+    H = size * np.ones((3, 3))
+    # the density of the sum of three uniform numbers of −1 to 1 is 3/8 at zero, and 1/√(2π size) wide
+    expected = np.log(8.0 * 0.375 * np.sqrt(2.0 * np.pi / size))
+    found = log_box_integral(H, np.zeros(3), -np.ones(3), np.ones(3))
+    assert found == pytest.approx(expected, abs=0.01)
 
 
 def test_each_parameter_of_bounds_costs_the_width_of_its_bounds() -> None:

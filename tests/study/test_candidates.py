@@ -14,6 +14,7 @@ from tests.messages.shown import check_shown
 import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.model import Configuration
+from femtune.selection.evidence import LinearFit, log_evidence
 from femtune.steps.candidates.result import CandidatesResult
 from femtune.steps.candidates.run import CANDIDATES_FILE, Population
 from femtune.study.study import read_study
@@ -431,3 +432,31 @@ def test_samples_that_do_not_hold_are_told(two: Bench, monkeypatch: pytest.Monke
     told = [a for a in found.record.alerts if a.code == "candidates.not-sampled"]
     assert [c.name for c in found.record.candidates if c.not_sampled] == ["both", "as one"]
     check_shown("candidates.not-sampled", f"[{told[0].code}] {told[0].sentence}")
+
+
+@pytest.mark.slow
+def test_an_integral_that_is_not_found_leaves_no_evidence(two: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = log_evidence
+
+    def lost(chi2: float, fit: LinearFit, size: float = 1.0) -> float:
+        return float("nan") if len(fit.slope) == 2 else whole(chi2, fit, size)
+
+    monkeypatch.setattr("femtune.selection.candidate_models.log_evidence", lost)
+    found = ft.candidates(study(two, LISTED), report=two.folder / "page.html")
+    both = by_name(found)["both"]
+    assert (both.log_evidence, both.probability) == (None, None)
+    assert sum(c.probability or 0.0 for c in found.record.candidates) == pytest.approx(1.0)
+    assert any("the evidence as one" in s for s in found.record.sentences)
+    told = [a for a in found.record.alerts if a.code == "candidates.no-evidence"]
+    check_shown("candidates.no-evidence", f"[{told[0].code}] {told[0].sentence}")
+
+
+@pytest.mark.slow
+def test_a_size_of_the_errors_that_few_data_leave_unknown_is_told(two: Bench) -> None:
+    """Four frequencies and three parameters: an evidence with a stated size is no evidence beside an estimated one."""
+    part = CASES[: CASES.index('[[configuration]]\nname = "loaded"')]
+    more = f'{part}\n{THREE}\n[residuals]\nfrequency_sd = 0.002\nscatter = "estimated"\n{SAMPLED}{LISTED}{THREE_LISTED}'
+    found = ft.candidates(two.study(more, test=None))
+    told = {c.name: c.not_sampled for c in found.record.candidates if c.not_sampled}
+    assert list(told) == ["both", "three"]
+    check_shown("posterior.few-degrees", f"[posterior.few-degrees] {told['both']}")

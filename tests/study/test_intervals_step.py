@@ -74,10 +74,39 @@ def test_the_box_of_given_limits(tmp_path: Path, close: bool, published: tuple[t
     assert [f.limits_hz is not None for f in record.frequencies] == [True] * 3
 
 
+def test_a_box_past_the_bounds_is_told(tmp_path: Path) -> None:
+    limits = ", ".join(f"[{hz(low)!r}, {hz(high)!r}]" for low, high in SEPARATE)
+    record = ft.intervals(study(tmp_path, False, f"[intervals]\nlimits_hz = [{limits}]\n", wide=0.5)).record
+    assert not record.ok
+    assert record.sentences[1].startswith("The box is wider than the bounds of k1, k2, k5")
+
+
+def test_limits_that_leave_the_box_open_are_not_ok(tmp_path: Path) -> None:
+    """One frequency for three stiffnesses."""
+    found = ft.intervals(study(tmp_path, False, f"[intervals]\nlimits_hz = [[{hz(0.9)}, {hz(1.1)}]]\n", wide=2.0))
+    assert not found.record.ok
+    assert "do not determine all ends" in found.record.sentences[1]
+
+
+def test_the_first_sentence_gives_the_frequencies(tmp_path: Path) -> None:
+    first = ft.intervals(study(tmp_path, False)).record.sentences[0]
+    assert first.endswith(f"{hz(SEPARATE[0][0]):.5g} to {hz(SEPARATE[0][1]):.5g} Hz, 0.29907 to 0.33625 Hz, 0.44461 to "
+                          "0.45588 Hz.")  # fmt: skip
+
+
+def test_a_parameter_without_effect_leaves_the_proof(tmp_path: Path) -> None:
+    more = '[[parameter]]\nname = "unused"\nfields = ["CELAS2 20 K"]\nlower = 0.9\nupper = 1.1\n'
+    path = study(tmp_path, False, more)
+    deck = tmp_path / "m.bdf"
+    deck.write_text(deck.read_text().replace("ENDDATA", "CELAS2,20,5.0,1,2\nENDDATA"))
+    assert ft.intervals(path).record.proven
+
+
 @pytest.mark.parametrize(
     ("name", "more"),
     [
         ("quantify.interval, limits", "[intervals]\nlimits_hz = [[0.2, 0.1]]\n"),
+        ("quantify.interval, order", "[intervals]\nlimits_hz = [[0.3, 0.4], [0.1, 0.2]]\n"),
         ("quantify.interval, configuration", '[intervals]\nconfiguration = "bare"\n'),
         ("quantify.interval, count", "[intervals]\nlimits_hz = [[0.1, 0.2], [0.2, 0.3], [0.3, 0.4], [0.4, 0.5]]\n"),
     ],

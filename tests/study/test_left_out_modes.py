@@ -91,6 +91,8 @@ def test_a_frequency_far_from_all_modes(bench: Bench) -> None:
         ft.run(_study(bench, f"leave_out_modes_hz = [{1.05 * hertz:.5g}]"))
     check_shown("residual.left-out-mode", str(caught.value).replace(str(bench.folder), "folder"))
     assert number
+    (told,) = ft.check(bench.folder / "study.toml").errors
+    assert str(told) == str(caught.value)
 
 
 @pytest.mark.slow
@@ -100,6 +102,15 @@ def test_one_mode_is_named_once(bench: Bench) -> None:
     with pytest.raises(FemtuneError) as caught:
         ft.run(_study(bench, f"leave_out_modes_hz = [{hertz}, {1.001 * hertz}]"))
     assert caught.value.code == "residual.left-out-mode"
+    (told,) = ft.check(bench.folder / "study.toml").errors
+    assert str(told) == str(caught.value)
+
+
+@pytest.mark.slow
+def test_the_check_accepts_modes_of_the_model(bench: Bench) -> None:
+    _measured(bench)
+    study = _study(bench, f"leave_out_modes_hz = [{_missing(bench)[1]}]")
+    assert ft.check(study).ok
 
 
 def test_other_methods_have_no_terms_of_real_modes(bench: Bench) -> None:

@@ -183,8 +183,8 @@ def test_alerts() -> None:
     for notice in (
         Notice("screen.failed-runs", count=2, runs="3, 8", reason="[eigen.no-mass] the model has no free mass"),
         Notice("screen.lost-modes", modes="4 (MAC 0.31)"),
-        Notice("screen.interactions", modes="4 (12 %)"),
+        Notice("screen.interactions", modes="mode 4 (12 %)"),
         Notice("screen.saturated", runs=4),
-        Notice("screen.surrogate-error", modes="4 (12 %)"),
+        Notice("screen.surrogate-error", modes="mode 4 (12 %)"),
     ):
         check_shown(notice.code, notice)

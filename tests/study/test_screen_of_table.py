@@ -54,6 +54,25 @@ def test_f_values_of_the_published_array(tmp_path: Path) -> None:
     assert len(lines) == 19
 
 
+def test_values_that_are_no_frequencies_are_not_called_modes(tmp_path: Path) -> None:
+    found = ft.screen(study(tmp_path), design="table", responses=["rms_g", "rms_g"], report=tmp_path / "page.html")
+    assert [m.response for m in found.record.modes] == [""] * 6 + ["rms_g"]
+    assert all(m.least_mac is None for m in found.record.modes)
+    assert "of each value" in " ".join(found.record.sentences)
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "mode rms_g" not in page
+    assert "mode 2, Hz" in page
+
+
+def test_a_constant_column_has_no_effects(tmp_path: Path) -> None:
+    path = study(tmp_path)
+    lines = (tmp_path / "runs.csv").read_text().splitlines()
+    (tmp_path / "runs.csv").write_text("\n".join([lines[0] + ",mass", *(line + ",2.3" for line in lines[1:])]) + "\n")
+    record = ft.screen(path, design="table", responses=["mass"]).record
+    assert [e.contribution for e in record.effects if e.mode == 7] == [0.0] * 5
+    assert record.modes[6].error_contribution == 0.0
+
+
 def test_runs_with_gaps_are_left_out(tmp_path: Path) -> None:
     text = '[screen]\ndesign = "table"\nresponses = ["rms_g"]\n'
     record = ft.screen(study(tmp_path, text, gap=True), report=tmp_path / "page.html").record

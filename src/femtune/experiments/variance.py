@@ -21,6 +21,9 @@ from femtune.errors import FemtuneError
 _EXACT = 1e-12
 """Residual sum of squares, relative to the total, below which the error is rounding and F says nothing."""
 
+_ROUNDING = 1e-13
+"""Range of a response relative to its size up to which it is rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Effects:
@@ -113,6 +116,8 @@ def main_effects(levels: Integers, responses: Reals) -> Effects:
         raise FemtuneError("screen.too-few-runs", runs=runs, needed=1 + freedom.sum())
     _check_separate(blocks, 1 + int(freedom.sum()))
     centred = responses - responses.mean(axis=0)
+    # what varies by rounding alone does not vary
+    centred[:, np.ptp(responses, axis=0) <= _ROUNDING * np.abs(responses).max(axis=0)] = 0.0
     error = _residual_squares(blocks, centred)
     rest = [_residual_squares(blocks[:i] + blocks[i + 1 :], centred) for i in range(len(blocks))]
     means = tuple(block.T @ responses / block.sum(axis=0)[:, None] for block in blocks)

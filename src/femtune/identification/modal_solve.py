@@ -42,6 +42,11 @@ class PartialFractions:
         """(k, 4pm) derivatives by Re λ of the columns of every residue, then those by Im λ."""
         return np.hstack([self.by_decay, turned(self.by_decay, self.poles)])
 
+    def by_poles(self, residues: Complexes) -> Complexes:
+        """(k, 2m) derivatives by Re λ and Im λ of a function with (m,) residues, without transients."""
+        parts = self.slopes.reshape(-1, 2, 2, self.poles)
+        return np.asarray((parts[:, :, 0] * residues.real + parts[:, :, 1] * residues.imag).reshape(len(parts), -1))
+
 
 def turned(by_decay: NDArray, poles: int) -> NDArray:
     """Derivatives by Im λ of the columns of all residues, on the last axis, from those by Re λ.

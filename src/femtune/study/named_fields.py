@@ -194,7 +194,7 @@ def _distribution(
 
 
 _MOST_ELEMENTS = 6000
-"""Elements of a random field at most: their covariance is a dense matrix (288 MB)."""
+"""Elements of a random field at most: their covariance is a dense matrix (288 MB, and its eigenvectors as many)."""
 
 
 def _random(entry: DistributionEntry, numbers: Integers, centres: Reals) -> Reals:

@@ -472,6 +472,8 @@ class FrequenciesByOrder:
 def definite_signs(configured: ConfiguredModel) -> Reals:
     """(k,) +1 where every eigenvalue grows with a free parameter, −1 where every one falls, 0 where nothing is known.
 
+    A parameter without any effect, which changes no eigenvalue, has +1.
+
     A parameter that enters K linearly through a positive semidefinite matrix and not M lets no eigenvalue fall; one
     that enters M so lets none grow. Known for small models only (dense eigenvalues of the matrices).
     """
@@ -483,7 +485,8 @@ def definite_signs(configured: ConfiguredModel) -> Reals:
     mass = [_sign(d.toarray()) for d in point.mass_derivatives]
     linear = np.array([_is_linear(configured, i) for i in range(k)])
     both = [s if m == 0.0 else -m if s == 0.0 else np.nan for s, m in zip(stiffness, mass)]
-    return np.where(linear & np.isfinite(both), np.nan_to_num(both), 0.0)
+    none = [s == 0.0 == m for s, m in zip(stiffness, mass)]
+    return np.where(linear & np.isfinite(both), np.where(none, 1.0, np.nan_to_num(both)), 0.0)
 
 
 def _sign(matrix: Reals) -> float:

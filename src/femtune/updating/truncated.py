@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, ndtri_exp
 
 from femtune.arrays import Reals
+from femtune.truncated_normal import line_sample
 
 
 @dataclass(frozen=True)
@@ -212,48 +212,3 @@ def effective_number(found: Reals) -> Reals:
     total, of_means = found.var(axis=(0, 1)), found.mean(axis=0).var(axis=0, ddof=1)
     most = np.full(len(total), float(sweeps * chains))
     return np.minimum(most, np.divide(chains * total, of_means, out=most.copy(), where=of_means > 0.0))
-
-
-_FLAT = 1e-8
-"""Squared width of an interval in standard deviations, below which the density on it is exponential to half of the
-digits."""
-_FAR_TAIL = 1e3
-"""Distance of an interval from the centre, in standard deviations, from which the tail is exponential to 1e-6, the
-square of its reciprocal."""
-
-
-def line_sample(tilt: Reals, curvature: Reals, low: Reals, high: Reals, share: Reals) -> Reals:
-    """Points t of low ≤ t ≤ high at a share of the distribution with density exp(−tilt·t − ½ curvature·t²).
-
-    Without curvature, and where the normal distribution is cut far from its centre, it is an exponential one.
-    """
-    width = np.maximum(high - low, 0.0)
-    root = np.sqrt(curvature)
-    safe = np.where(root > 0.0, root, 1.0)
-    # in standard deviations from the centre, turned so that the nearer end to the centre is the upper one
-    start, end = tilt / safe + root * low, tilt / safe + root * high
-    turned = start + end > 0.0
-    far = np.where(turned, -end, start)
-    near = np.where(turned, -start, end)
-    straight = (curvature * width**2 <= _FLAT) | (near < -_FAR_TAIL)
-    part = np.where(turned, 1.0 - share, share)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        top = log_ndtr(near)
-        z = ndtri_exp(np.minimum(top + np.log(part + (1.0 - part) * np.exp(log_ndtr(far) - top)), -1e-300))
-        bent = (np.where(turned, -z, z) - tilt / safe) / safe
-    if not straight.any():
-        return _between(bent, low, high)
-    rate = np.where(turned, tilt + curvature * low, -(tilt + curvature * high))
-    from_near = _exponential(rate, width, np.where(turned, share, 1.0 - share))
-    line = np.where(turned, low + from_near, high - from_near)
-    return _between(np.where(straight, line, bent), low, high)
-
-
-def _exponential(rate: Reals, width: Reals, share: Reals) -> Reals:
-    """Distance from the end, 0 to width, with density exp(−rate·s)."""
-    decay = rate * width
-    small = np.abs(decay) < 1e-6
-    safe = np.where(small, 1.0, rate)
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        distance = -np.log1p(share * np.expm1(-np.where(small, 1.0, decay))) / safe
-    return np.where(small, share * width, distance)

@@ -27,9 +27,15 @@ class IntervalsTable(TomlTable):
 
 
 def interval_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
-    """Limits must be intervals."""
+    """Limits must be intervals, those of a lower frequency first."""
     limits = table(data, "intervals").get("limits_hz", ())
+    before = (0.0, 0.0)
     for i, pair in enumerate(limits if isinstance(limits, list | tuple) else ()):
         numbers = isinstance(pair, list | tuple) and all(isinstance(v, int | float) for v in pair)
         if numbers and len(pair) == 2 and not pair[0] < pair[1]:
             yield source.error(("intervals", "limits_hz", i), "quantify.interval/limits", {"limits": list(pair)})
+        elif numbers and len(pair) == 2:
+            if pair[0] < before[0] or pair[1] < before[1]:
+                values = {"limits": list(pair), "before": list(before)}
+                yield source.error(("intervals", "limits_hz", i), "quantify.interval/order", values)
+            before = pair[0], pair[1]

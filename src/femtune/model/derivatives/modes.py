@@ -121,10 +121,12 @@ class _SingleModes:
 
     def of(self, mode: int, rows: sp.csr_array | None) -> SubspaceDerivative:
         """Of one of them, at some rows."""
-        if rows is not self._seen[0]:
+        # read and replaced whole, since threads ask for modes of one solution
+        known = self._seen
+        if rows is not known[0]:
             at = (self._outside, self._phi) if rows is None else (rows @ self._outside, rows @ self._phi)
-            self._seen = (rows, *at)
-        _, seen, shapes = self._seen
+            known = self._seen = (rows, *at)
+        _, seen, shapes = known
         by_mode = seen.reshape(len(seen), len(self._values), self._k)
         k, m = (one[mode][:, None, None] for one in (self._stiffness, self._mass))
         column = slice(mode, mode + 1)

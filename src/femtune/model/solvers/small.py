@@ -12,6 +12,9 @@ from femtune.model.solvers.interface import SingularMatrixError
 DENSE_UP_TO = 150
 """Equations of a real matrix up to which dense factors take less time than sparse ones."""
 
+_ROUNDING = 4.0 * float(np.finfo(float).eps)
+"""Pivot relative to the diagonal entry that elimination started from, below which it is rounding alone."""
+
 
 class DenseAnalysis:
     """There is nothing to analyse."""
@@ -24,7 +27,7 @@ class DenseAnalysis:
 
         Raises
         ------
-        SingularMatrixError : a pivot is exactly zero
+        SingularMatrixError : a pivot is zero to rounding, or an entry is not a number
         """
         return DenseFactor(matrix)
 
@@ -36,17 +39,28 @@ class DenseFactor:
 
     def __init__(self, matrix: SymmetricMatrix) -> None:
         array = matrix.dense().T
+        # its sum is not finite if one entry is not
+        if not np.isfinite(array.sum()):
+            raise SingularMatrixError("an entry is not a finite number")
         self._factors, failed = lapack.dpotrf(array, lower=1)
         self._pivots: NDArray[np.int32] | None = None
         self.negative_pivots = 0
         """Number of negative eigenvalues."""
         if not failed:
+            self._check(self._factors.diagonal() ** 2, array.diagonal())
             return
         self._factors, pivots, failed = lapack.dsytrf(array, lower=1)
         if failed:
             raise SingularMatrixError(f"pivot {failed} is zero")
         self._pivots = pivots
         self.negative_pivots = self._inertia(pivots)
+
+    @staticmethod
+    def _check(pivots: NDArray[np.float64], diagonal: NDArray[np.float64]) -> None:
+        """A pivot that is what rounding leaves of its diagonal entry is zero."""
+        zero = np.flatnonzero(pivots <= _ROUNDING * diagonal)
+        if len(zero):
+            raise SingularMatrixError(f"pivot {zero[0] + 1} is zero to rounding")
 
     def _inertia(self, pivots: NDArray[np.int32]) -> int:
         """A pivot of two rows has one negative eigenvalue: where both are of one sign, single ones are chosen."""

@@ -14,6 +14,7 @@ from femtune.identification.redrawn import RedrawnTest
 from femtune.modal import FrfSet
 from femtune.model import ModalDamping, ModelPoint, constant_damping, damping_by_mode
 from femtune.model.kinds import FRF_METHODS
+from femtune.model.response import TIMES_HIGHEST_LINE
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState
 from femtune.residuals.frf.against_model import against_model
@@ -44,11 +45,14 @@ class AskedFrfs(AtFirstState):
     ----------
     raw : of an identified test: the settled comparison, that test, a state and damping of the model's modes -> the
         comparison of the measured FRFs themselves, see `raw_residual`
+    check_left_out : state at the initial values -> nothing; error ``residual.left-out-mode`` where the table leaves out
+        a mode that the model does not have. Solves for modes about the frequencies in the table only
     """
 
     raw: Callable[[FrfResidual, RedrawnTest, CaseState, ModalDamping], FrfResidual] | None = field(
         default=None, repr=False
     )
+    check_left_out: Callable[[CaseState], None] = field(default=lambda state: None, repr=False)
     key = FrfResidual.key
     label = FrfResidual.label
 
@@ -86,7 +90,17 @@ class AskedFrfs(AtFirstState):
             enough, _ = with_enough_modes(replace(found, sd=least, noise=None), state)
             return replace(found, way=enough.way)
 
-        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)), raw=raw)
+        def check_left_out(state: CaseState) -> None:
+            if entry.leave_out_modes_hz:
+                # an error names those next to a frequency, which may be above it
+                top = None, TIMES_HIGHEST_LINE * max(entry.leave_out_modes_hz)
+                with asked.errors_at():
+                    _left_out(entry, state, replace(way, modes=way.modes or top))
+
+        return cls(
+            _placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)), raw=raw,
+            check_left_out=check_left_out,
+        )  # fmt: skip
 
 
 class AskedAntiresonances(AtFirstState):

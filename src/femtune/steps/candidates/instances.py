@@ -39,7 +39,7 @@ class Limit:
     mean_error: float = np.inf
 
     def keeps(self, residuals: Reals, weights: float) -> Flags:
-        """(n,) instances with residuals (n, m), NaN where one failed, that are not falsified."""
+        """(n,) instances with residuals (n, m) that are not falsified; infinite where one failed."""
         if self.largest is not None:
             return np.asarray(np.abs(residuals).max(axis=1) <= self.largest)
         return np.asarray(np.sqrt(np.sum(residuals**2, axis=1) / weights) <= self.mean_error)

@@ -24,6 +24,7 @@ from femtune.document.document import (
 )
 from femtune.document.figures.candidates import candidates_svg
 from femtune.document.numbers import NONE, counted, percent, short, typeset, unit_fraction
+from femtune.steps.candidates.record import log_evidence_or_least
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,7 +50,7 @@ def shown_models(comparison: CandidatesResults) -> tuple[CandidateResults, ...]:
     solved = comparison.solved
     if len(solved) <= _MOST_COLUMNS:
         return solved
-    best = sorted(solved, key=lambda c: -np.inf if c.log_evidence is None else c.log_evidence, reverse=True)
+    best = sorted(solved, key=log_evidence_or_least, reverse=True)
     kept = {c.name for c in best[:_MOST_COLUMNS]}
     return tuple(c for c in solved if c.name in kept)
 
@@ -58,7 +59,7 @@ def candidate_numbers(comparison: CandidatesResults) -> KeyNumbers:
     """How many models, and the best by each criterion."""
     ranked = [c for c in comparison.solved if c.bic is not None]
     by_bic = min(ranked, key=lambda c: c.bic or 0.0)
-    by_evidence = max(ranked, key=lambda c: c.log_evidence or 0.0)
+    by_evidence = max(ranked, key=log_evidence_or_least)
     admissible = sum(c.admissible for c in comparison.solved)
     return KeyNumbers(
         (
@@ -89,7 +90,7 @@ def _picture(source: ReportSource) -> list[Block]:
     candidates = _of(source)
     models = shown_models(candidates)
     rows = [candidates.solved.index(c) for c in models]
-    best = max(models, key=lambda c: -np.inf if c.log_evidence is None else c.log_evidence)
+    best = max(models, key=log_evidence_or_least)
     distance = source.arrays[candidates.distances_key][rows, candidates.solved.index(best)]
     draw = partial(
         candidates_svg, [c.name for c in models], [len(c.parameters) for c in models],
@@ -102,7 +103,39 @@ def _picture(source: ReportSource) -> list[Block]:
 def candidates_table(source: ReportSource) -> list[Block]:
     """The table of criteria, and the remarks of the study."""
     candidates = _of(source)
-    return [criteria_table(candidates), *_notes(candidates)]
+    return [criteria_table(candidates), *_sampled(candidates), *_notes(candidates)]
+
+
+def _sampled(comparison: CandidatesResults) -> list[Block]:
+    """A line each candidate with a sampled evidence, those of the best first."""
+    found = [c for c in comparison.solved if c.sampled_log_evidence is not None]
+    if not found:
+        return []
+    heads = columns(
+        "Model", ">ln Z by samples", ">Its deviation", ">Probability", ">ln Z of linear residuals",
+        ">Effective samples", ">k̂", ">ln density of configurations left out",
+    )  # fmt: skip
+    best = max(c.sampled_log_evidence or 0.0 for c in found)
+    linear = max((c.log_evidence for c in found if c.log_evidence is not None), default=0.0)
+    rows = tuple(
+        row(
+            c.name, typeset(f"{(c.sampled_log_evidence or 0.0) - best:.2f}"), short(c.sampled_log_evidence_sd),
+            unit_fraction(c.sampled_probability, NONE),
+            NONE if c.log_evidence is None else typeset(f"{c.log_evidence - linear:.2f}"),
+            NONE if c.sampled_effective is None else f"{c.sampled_effective:.0f}", short(c.sampled_k_hat),
+            _left_out_density(c),
+        )
+        for c in sorted(found, key=lambda c: c.sampled_log_evidence or 0.0, reverse=True)
+    )  # fmt: skip
+    note = "Logarithms beside the largest of their column. A density in brackets rests on weights that do not hold."
+    return [Table("Evidence by samples", heads, rows, note)]
+
+
+def _left_out_density(candidate: CandidateResults) -> str:
+    if not candidate.left_out_evidence:
+        return NONE
+    text = typeset(f"{sum(one.log_density for one in candidate.left_out_evidence):.1f}")
+    return text if candidate.left_out_trusted else f"({text})"
 
 
 def criteria_table(comparison: CandidatesResults) -> Table:

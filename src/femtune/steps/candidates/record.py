@@ -142,25 +142,37 @@ class CandidateResults(Record):
     bic_weight: float | None = None
     """Relative support by BIC, 0 to 1."""
     log_evidence: float | None = None
-    """Logarithm of the evidence, with residuals linear near the optimum; only differences count."""
+    """Logarithm of the evidence, with residuals linear near the optimum; only differences count. None if the candidate
+    is not ranked, or the integral was not found."""
     probability: float | None = None
     """Probability by the evidence, if all candidates are equally probable beforehand, 0 to 1."""
     sampled_log_evidence: float | None = None
     """Logarithm of the sampled evidence, where it was asked for."""
     sampled_log_evidence_sd: float | None = None
     """Standard deviation of this logarithm."""
+    sampled_effective: float | None = None
+    """Effective number of its samples; None without parameters, and in results of earlier versions."""
+    sampled_k_hat: float | None = None
+    """Shape of the tail of their weights; below 0.7 the evidence can be trusted."""
     sampled_probability: float | None = None
     """Probability by the sampled evidence, if all candidates are equally probable beforehand, 0 to 1."""
     not_sampled: str = ""
     """Why there is no sampled evidence although it was asked for."""
     left_out_evidence: tuple[LeftOutEvidence, ...] = ()
     """Each configuration left out, by the samples."""
+    left_out_trusted: bool = False
+    """True if the weights of the samples hold for all of them (k̂ up to 0.7)."""
     admissible: bool = False
     """True if no residual exceeds the limit, or the mean error is within the threshold."""
     cluster: int | None = None
     """Number of its cluster of admissible models, from 1; None for others."""
     instances: InstanceResults | None = None
     """Instances that are drawn and falsified; None if the study asks for none, or no parameter moves."""
+
+
+def log_evidence_or_least(candidate: CandidateResults) -> float:
+    """By which candidates are put in order; one without an evidence is the last."""
+    return float("-inf") if candidate.log_evidence is None else candidate.log_evidence
 
 
 class CandidatesResults(Record):

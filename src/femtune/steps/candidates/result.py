@@ -38,7 +38,8 @@ class CandidatesResult(ResultWithPage):
         """Models with their criteria; see `CandidateResults` in the schema of the results."""
         columns = (
             "name", "status", "rank", "error_percent", "prediction_percent", "bic", "bic_weight", "log_evidence",
-            "probability", "sampled_log_evidence", "sampled_log_evidence_sd", "sampled_probability", "worst_residual",
+            "probability", "sampled_log_evidence", "sampled_log_evidence_sd", "sampled_effective", "sampled_k_hat",
+            "sampled_probability", "worst_residual",
             "least_worst_residual", "worst_label", "admissible",
             "cluster", "starts_at_best",
         )  # fmt: skip

@@ -43,6 +43,7 @@ from femtune.steps.candidates.record import (
     InstanceResults,
     LeftOutEvidence,
     LeftOutPrediction,
+    log_evidence_or_least,
 )
 from femtune.steps.posterior.evidence import evidence_at, sampled_evidence
 from femtune.steps.run_folder import unwritable
@@ -225,7 +226,10 @@ class _Fitting:
         problem = self.problems[task.problem]
         at = problem.start(optimum)
         if not task.candidate.parameters:
-            return {"log_evidence": evidence_at(at, problem.scatter), "sd": 0.0, "left_out": []}
+            return {
+                "log_evidence": evidence_at(at, problem.scatter), "sd": 0.0, "effective": None, "k_hat": None,
+                "left_out": [],
+            }  # fmt: skip
         result = self._updated(task.problem, None, at, task.candidate.parameters)[1]
         assert self.sampling is not None
         return asdict(sampled_evidence(problem, result, self.sampling))
@@ -437,7 +441,7 @@ def _with_instances(
 ) -> CandidatesResults:
     """The comparison with a population of instances of each candidate that was solved."""
     table, records = work.table, list(found.candidates)
-    least = min(c.error_percent or 0.0 for c in found.solved if c.bic is not None)
+    least = min(c.error_percent for c in found.solved if c.bic is not None and c.error_percent is not None)
     error = np.inf if table.threshold is None else 0.01 * table.threshold * least
     limit = Limit(found.limit, error)
     for i, (candidate, fit) in enumerate(zip(candidates, fits)):
@@ -709,8 +713,10 @@ def _of_samples(sampled: Found, probability: float) -> dict[str, Any]:
         return {"not_sampled": sampled.get("problem", "")}
     return {
         "sampled_log_evidence": sampled["log_evidence"], "sampled_log_evidence_sd": sampled["sd"],
+        "sampled_effective": sampled["effective"], "sampled_k_hat": sampled["k_hat"],
         "sampled_probability": probability if np.isfinite(probability) else None,
         "left_out_evidence": tuple(LeftOutEvidence(**one) for one in sampled["left_out"]),
+        "left_out_trusted": all(one["k_hat"] is not None and one["k_hat"] <= LARGEST_K for one in sampled["left_out"]),
     }  # fmt: skip
 
 
@@ -807,10 +813,10 @@ def _sentences(records: Sequence[CandidateResults]) -> Iterator[str]:
     yield f"{least.name} has the smallest residuals: its weighted mean error is {least.error_percent:.3g} %."
     ranked = [c for c in solved if c.bic is not None]
     by_bic = min(ranked, key=lambda c: c.bic or 0.0)
-    by_evidence = max(ranked, key=lambda c: c.log_evidence or 0.0)
+    by_evidence = max(ranked, key=log_evidence_or_least)
     yield (
         f"BIC prefers {by_bic.name} (weight {by_bic.bic_weight:.2g}), the evidence {by_evidence.name} "
-        f"(probability {by_evidence.probability:.2g})."
+        f"(probability {by_evidence.probability or 0.0:.2g})."
     )
     sampled = [c for c in ranked if c.sampled_probability is not None]
     if sampled:
@@ -820,12 +826,12 @@ def _sentences(records: Sequence[CandidateResults]) -> Iterator[str]:
             f"{first.sampled_log_evidence:.2f} ± {first.sampled_log_evidence_sd:.2f})."
         )
     whole = [c for c in sampled if c.left_out_evidence]
-    sure = [c for c in whole if all(one.k_hat is not None and one.k_hat <= LARGEST_K for one in c.left_out_evidence)]
+    sure = [c for c in whole if c.left_out_trusted]
     if sure:
         best = max(sure, key=_predicted_density)
         yield (
-            f"Given the other configurations, the samples of {best.name} predict each one best: the sum of the log "
-            f"densities is {_predicted_density(best):.1f}."
+            f"Of {listed([c.name for c in sure])}, the samples of {best.name} predict configurations that are left out "
+            f"best: the sum of the logarithms of their densities is {_predicted_density(best):.1f}."
         )
     unsure = [c.name for c in whole if c not in sure]
     if unsure:
@@ -891,6 +897,8 @@ def _alerts(study: Study, records: Sequence[CandidateResults]) -> Iterator[Alert
             yield alert("warning", "candidates.other-residuals", name=c.name, residuals=c.residuals)
         elif not Status[c.status].ok:
             yield alert("warning", "candidates.not-converged", name=c.name, status=c.status)
+        if c.bic is not None and c.log_evidence is None:
+            yield alert("warning", "candidates.no-evidence", name=c.name)
         if c.other_optima:
             yield alert("warning", "candidates.not-unique", name=c.name, others=c.other_optima)
     worst = sorted({c.name for c in solved if any(v.at_bound for v in c.values)})

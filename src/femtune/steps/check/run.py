@@ -1,4 +1,7 @@
-"""The step check: all mistakes of a study, its deck and its tests at once, before anything is solved."""
+"""The step check: all mistakes of a study, its deck and its tests at once, before anything is solved.
+
+Only frequencies that name modes of the model, as `leave_out_modes_hz` does, need modes, which are solved for.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from femtune.files.study_file.reading import is_deck, study_from_data, toml_data
 from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
 from femtune.files.uff import read_uff
 from femtune.steps.check.beyond_runs import bounds_beyond_runs
+from femtune.steps.check.left_out_modes import check_left_out_modes
 from femtune.steps.held_folder import held_for_solver
 from femtune.steps.info.checks import mass_checks
 from femtune.steps.judge.same_data import check_independent
@@ -182,6 +186,8 @@ class _Checked:
             self.notices += bounds_beyond_runs(study)
             with self.catching():
                 check_independent(study)
+            with self.catching():
+                check_left_out_modes(study, progress)
             self.notices += [
                 Notice("model.mass-differs", configuration=check.configuration, found=check.sentence)
                 for check in mass_checks(study)

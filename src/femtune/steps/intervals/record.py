@@ -39,7 +39,7 @@ class IntervalPredictions(Record):
     of_limits: bool
     """True if the box follows from limits of frequencies; False if it is that of the bounds."""
     ok: bool
-    """True if the limits determine the box, or it is that of the bounds."""
+    """True if the limits determine a box between the bounds, or it is that of the bounds."""
     proven: bool
     """True if the extremes are proven by monotony in every parameter; otherwise they were found by a search."""
     error_percent: float | None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +26,7 @@ from femtune.study.provenance import Stopwatch, call, inputs_of, provenance, stu
 from femtune.study.rows import Rows, rows_of
 from femtune.study.solved import nominal, solve
 from femtune.study.study import load_study
-from femtune.uncertainty import FrequenciesByOrder, definite_signs, interval_bounds, interval_update
+from femtune.uncertainty import FrequenciesByOrder, StochasticStatus, definite_signs, interval_bounds, interval_update
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -41,6 +41,8 @@ _FIRST_BOX = 0.25
 """Ends of the first box between the initial value and the bounds of each parameter."""
 _MOST_PARAMETERS = 8
 """Parameters up to which all corners of the box are solved if their effects are not known to be monotone: 2⁸ = 256."""
+_MOST_NAMED = 4
+"""Intervals that the first sentence gives."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,9 +140,10 @@ def _found(study: Study, table: IntervalsTable, progress: Progress) -> IntervalP
         solutions, proven = solutions + bounds.solutions, proven and bounds.proven
         rows += _rows(case.name, bounds, limits if case.name == stated else np.zeros((0, 2)))
     error = None if update is None else _error(update, limits)
+    outside = [p.name for p, low, high in zip(free, *box) if low < p.lower or high > p.upper]
     return IntervalPredictions(
         of_limits=update is not None,
-        ok=update is None or update.status.ok,
+        ok=update is None or (update.status is StochasticStatus.CONVERGED and not outside),
         proven=proven,
         error_percent=error,
         solutions=solutions,
@@ -148,7 +151,7 @@ def _found(study: Study, table: IntervalsTable, progress: Progress) -> IntervalP
             BoxInterval(parameter=p.name, lower=float(low), upper=float(high)) for p, low, high in zip(free, *box)
         ),
         frequencies=tuple(rows),
-        sentences=tuple(_sentences(update, error, proven)),
+        sentences=tuple(_sentences(rows, update, error, proven, outside)),
     )
 
 
@@ -188,14 +191,33 @@ def _error(update: IntervalResult, limits: Reals) -> float:
     return 100.0 * float(np.abs(found / limits.T.ravel() - 1.0).max())
 
 
-def _sentences(update: IntervalResult | None, error: float | None, proven: bool) -> Iterator[str]:
+def _sentences(
+    rows: Sequence[PredictedInterval],
+    update: IntervalResult | None,
+    error: float | None,
+    proven: bool,
+    outside: Sequence[str],
+) -> Iterator[str]:
     if update is None:
-        yield "The box is that of the bounds of the parameters."
+        of = len({row.configuration for row in rows})
+        first = ", ".join(f"{row.lower_hz:.5g} to {row.upper_hz:.5g} Hz" for row in rows[:_MOST_NAMED])
+        more = f", and {len(rows) - _MOST_NAMED} more" if len(rows) > _MOST_NAMED else ""
+        where = "" if of == 1 else f" ({of} configurations)"
+        yield f"Between the bounds of the parameters the frequencies are{where}: {first}{more}."
     elif not update.status.ok:
         yield f"The box of the parameters did not converge: {update.status.value}."
     else:
-        open_ = "" if update.status.name == "CONVERGED" else " The limits do not determine all ends of the box."
-        yield f"The extreme frequencies of the box differ from the limits by {error:.2g} % at most.{open_}"
+        yield f"The extreme frequencies of the box differ from the limits by {error:.2g} % at most."
+        if update.status is not StochasticStatus.CONVERGED:
+            yield (
+                "The limits do not determine all ends of the box: other boxes have the same extreme frequencies. This "
+                "one is the nearest to the first box."
+            )
+    if outside:
+        yield (
+            f"The box is wider than the bounds of {', '.join(outside)}: models between the bounds do not have "
+            "frequencies at all of these limits."
+        )
     yield (
         "The extremes are proven by monotony."
         if proven

@@ -48,8 +48,10 @@ def check_plan_files(study: Study, files: PlanFiles, page: Path | None) -> None:
 
     Raises
     ------
-    FemtuneError : ``response.units-needed``, ``uff.cannot-write``, ``write.overwrites-input``
+    FemtuneError : ``plan.pole-lines``, ``response.units-needed``, ``uff.cannot-write``, ``write.overwrites-input``
     """
+    if files.lines is not None and (study.file.plan is None or study.file.plan.identification_lines is None):
+        raise FemtuneError("plan.pole-lines/not-wanted", where=Where(str(files.lines)))
     if files.uff is not None and not study.units_known:
         raise FemtuneError("response.units-needed", where=Where(str(study.file.path)))
     wanted = [path for path in (page, *files.written) if path is not None]
@@ -58,15 +60,15 @@ def check_plan_files(study: Study, files: PlanFiles, page: Path | None) -> None:
 
 
 def write_plan_files(study: Study, record: PlanResults, files: PlanFiles, arrays: Mapping[str, Reals]) -> None:
-    """Write them (errors ``uff.cannot-write``, ``run.unwritable``, ``plan.pole-lines``)."""
+    """Write them (errors ``uff.cannot-write``, ``run.unwritable``)."""
     if files.uff is not None:
         write_uff_geometry(files.uff, sensor_frame(record), study.file.study.unit_system)
     if files.csv is not None:
         _write(files.csv, sensor_table(record))
     if files.lines is not None:
         of = record.pole_lines
-        if of is None:
-            raise FemtuneError("plan.pole-lines/not-wanted", where=Where(str(files.lines)))
+        # a plan without them was refused before
+        assert of is not None
         _write(files.lines, "".join(f"{hertz:.9g}\n" for hertz in arrays[of.spacings[-1].lines_key]))
 
 

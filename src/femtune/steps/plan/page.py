@@ -250,7 +250,7 @@ def _pole_lines(plan: PlanResults) -> list[Block]:
         for one in of.spacings
     ]  # fmt: skip
     note = (
-        "Standard deviation of the poles of the target modes, over their half bandwidth ζω, that noise of "
+        "Standard deviation of the poles of the target modes, over their half bandwidth 2ζω, that noise of "
         f"{short(100.0 * of.relative_sd)} % of each value and {short(100.0 * of.floor)} % of the largest one of its "
         "FRF makes; — : some pole is not determined."
     )

@@ -92,8 +92,8 @@ class LinesForPoles(Record):
     spacing: str
     """How they are spaced, in words."""
     rms_percent: float | None
-    """Root mean square over the target modes of the standard deviation of a pole over its half bandwidth ζω, in %; None
-    where some pole is not determined."""
+    """Root mean square over the target modes of the standard deviation of a pole over its half bandwidth 2ζω, in %;
+    None where some pole is not determined."""
     largest_percent: float | None
     """The largest one, in %."""
     lines_key: str

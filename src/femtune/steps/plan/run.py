@@ -224,6 +224,17 @@ def _targets(study: Study, solution: EigenSolution, table: PlanTable) -> _Target
     return _Targets(kept, rigid[kept], len(numbers) - len(kept))
 
 
+def _check_pole_lines(study: Study, targets: _Targets, table: PlanTable) -> None:
+    """Refuse, before sensors are placed, lines for an identification of a plan that has no FRFs or poles."""
+    if table.identification_lines is None:
+        return
+    where = study.file.where("plan", "identification_lines")
+    if not table.exciters and not table.exciters_placed:
+        raise FemtuneError("plan.pole-lines/no-exciters", where=where)
+    if targets.rigid.all():
+        raise FemtuneError("plan.pole-lines/rigid-body", where=where)
+
+
 def _wanted(study: Study, solution: EigenSolution, table: PlanTable) -> Integers:
     count = solution.wanted
     if table.modes is not None:
@@ -249,6 +260,7 @@ class _Plan:
         self.study, self.case, self.solution, self.table = study, case, solution, table
         self.progress = progress
         self.targets = _targets(study, solution, table)
+        _check_pole_lines(study, self.targets, table)
         self.mesh = surface_mesh(case)
         self.xyz = study.model.structure.nodes.xyz
         rows = accessible_rows(study, case, table, self.mesh)
@@ -380,9 +392,7 @@ class _Plan:
         table, elastic = self.table, ~self.targets.rigid
         if table.identification_lines is None or lines is None:
             return None
-        where = self.study.file.where("plan", "identification_lines")
-        if excitation is None:
-            raise FemtuneError("plan.pole-lines/no-exciters", where=where)
+        assert excitation is not None
         outputs = np.concatenate([s.shapes for s in sensors])[:, elastic]
         inputs = np.array([e.shape for e in excitation.exciters])[:, elastic]
         hertz = self.solution.freq_hz[self.targets.positions][elastic]
@@ -390,7 +400,7 @@ class _Plan:
         residues = (outputs[:, None] * inputs).reshape(-1, len(hertz))
         test = PoleTest(hertz, np.full(len(hertz), table.damping_ratio), residues, relative, table.frf_floor)
         self.progress.step("lines for an identification", 0, None)
-        with errors_at(where):
+        with errors_at(self.study.file.where("plan", "identification_lines")):
             found = pole_lines(test, lines.low_hz, lines.high_hz, table.identification_lines)
         return pole_lines_record(found, relative, table.frf_floor, arrays)
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import gammaln, log_ndtr, logsumexp
+from scipy.special import gammaln, logsumexp
 
+from femtune.errors import FemtuneError
 from femtune.sampling import (
     Known,
     Likelihood,
@@ -23,6 +24,7 @@ from femtune.sampling import (
     smoothed_weights,
 )
 from femtune.steps.posterior.problem import likelihood_of, sampler_of, solving_of
+from femtune.truncated_normal import log_mass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,10 +67,13 @@ def sampled_evidence(problem: UpdateProblem, result: UpdateResult, rules: Sampli
 
     Raises
     ------
-    FemtuneError : ``posterior.not-sampled``, ``posterior.no-likelihood``
+    FemtuneError : ``posterior.not-sampled``, ``posterior.no-likelihood``, ``posterior.few-degrees``
     """
     solving = solving_of(problem, result)
     likelihood = likelihood_of(solving, result, "stated")
+    if problem.scatter == "estimated" and not likelihood.estimated:
+        # with the factor fixed at one this evidence is of another kind than that of the other candidates
+        raise FemtuneError("posterior.few-degrees", degrees=f"{sum(result.covariance.freedom.values()):.3g}")
     samples = sampler_of(solving, likelihood, rules, _Serial(solving)).run()
     return SampledEvidence(
         samples.log_evidence + _of_priors(problem.parameters, solving.moving), samples.log_evidence_sd,
@@ -105,9 +110,7 @@ def _of_priors(parameters: ParameterSet, moving: Integers) -> float:
     for i in moving:
         if parameters.free[i].prior_sd is not None:
             low, high = (lower[i] - mean[i]) / sd[i], (upper[i] - mean[i]) / sd[i]
-            far, near = (low, high) if low + high < 0.0 else (-high, -low)
-            mass = log_ndtr(near) + np.log1p(-np.exp(log_ndtr(far) - log_ndtr(near)))
-            out += float(np.log(upper[i] - lower[i]) - np.log(sd[i]) - mass)
+            out += float(np.log(upper[i] - lower[i]) - np.log(sd[i]) - log_mass(low, high))
     return out
 
 

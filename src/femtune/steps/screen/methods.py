@@ -63,10 +63,29 @@ _FREQUENCY_ROUNDING = 1e-10
 
 @dataclass(frozen=True)
 class ResponseLabels:
-    """What the rows and columns of the responses are: names of the parameters, configuration and mode."""
+    """What the rows and columns of the responses are.
+
+    Parameters
+    ----------
+    names : of the parameters
+    modes : configuration and number of each mode
+    others : names of the last of these, which are no modes but other values
+    """
 
     names: tuple[str, ...]
     modes: tuple[tuple[str, int], ...]
+    others: tuple[str, ...] = ()
+
+    @property
+    def word(self) -> str:
+        """What they all are, for sentences."""
+        return "value" if self.others else "frequency"
+
+    @property
+    def short(self) -> list[str]:
+        """What each is called where there is no room for the configuration."""
+        modes = self.modes[: len(self.modes) - len(self.others)]
+        return [*(f"mode {mode}" for _, mode in modes), *self.others]
 
     def each(self) -> Iterator[tuple[int, int, dict[str, Any]]]:
         """Index of the parameter and of the mode, and what they are called in a record."""
@@ -176,7 +195,7 @@ class _ByLevels:
         return Findings(
             (
                 *_sorted(effects.contribution, places, "of the variation"),
-                f"Main effects explain at least {left:.1f} % of the variation of each frequency.",
+                f"Main effects explain at least {left:.1f} % of the variation of each {places.word}.",
             ),
             effects=tuple(
                 MainEffect(
@@ -320,7 +339,7 @@ class _SobolOfSurrogate:
 
 
 def _unexplained(code: str, parts: Reals, places: ResponseLabels) -> tuple[Alert, ...]:
-    mixed = [f"{mode} ({100 * part:.0f} %)" for (_, mode), part in zip(places.modes, parts) if part > _UNEXPLAINED]
+    mixed = [f"{name} ({100 * part:.0f} %)" for name, part in zip(places.short, parts) if part > _UNEXPLAINED]
     return (alert("info", code, modes=", ".join(mixed[:_MOST_NAMED])),) if mixed else ()
 
 
@@ -331,11 +350,11 @@ def _sorted(share: Reals, places: ResponseLabels, of: str) -> list[str]:
     much = [places.names[i] for i in order if largest[i] >= MUCH]
     little = [places.names[i] for i in order if largest[i] < LITTLE]
     between = [places.names[i] for i in order if LITTLE <= largest[i] < MUCH]
-    out = [f"More than {100 * MUCH:.0f} % {of} of at least one frequency: {_named(much)}."]
+    out = [f"More than {100 * MUCH:.0f} % {of} of at least one {places.word}: {_named(much)}."]
     if between:
         out.append(f"Between {100 * LITTLE:.0f} and {100 * MUCH:.0f} %: {_named(between)}.")
     if little:
-        out.append(f"Less than {100 * LITTLE:.0f} % {of} of every frequency: {_named(little)}.")
+        out.append(f"Less than {100 * LITTLE:.0f} % {of} of every {places.word}: {_named(little)}.")
     return out
 
 

@@ -34,6 +34,12 @@ def _label(screening: ScreenResults, mode: ScreenedMode) -> str:
     return f"{mode.configuration} {mode.mode}" if several else str(mode.mode)
 
 
+def _value_label(screening: ScreenResults, mode: ScreenedMode) -> str:
+    """With its unit where the rows have several units."""
+    mixed = any(m.response for m in screening.modes) and not mode.response
+    return f"mode {_label(screening, mode)}, Hz" if mixed else _label(screening, mode)
+
+
 def _by_place(screening: ScreenResults) -> dict[tuple[str, str, int], MainEffect]:
     return {(e.parameter, e.configuration, e.mode): e for e in screening.effects}
 
@@ -61,7 +67,8 @@ def _picture(screening: ScreenResults) -> list[Block]:
         ]
         for p in screening.parameters
     ]
-    names, labels = [p.name for p in screening.parameters], [f"mode {_label(screening, m)}" for m in modes]
+    names = [p.name for p in screening.parameters]
+    labels = [m.response or f"mode {_label(screening, m)}" for m in modes]
     draw = partial(main_effects_svg, names, labels, [p.values for p in screening.parameters], changes)
     caption = "Mean frequency of the runs of each level, relative to the mean of all runs."
     return [Figure(draw, caption, f"{caption} {'; '.join(screening.sentences)}", wide=True)]
@@ -174,7 +181,9 @@ def screen_variance(source: ReportSource) -> list[Block]:
     """F, p and range of every effect."""
     screening = _of(source)
     modes = _labels(screening)
-    heads = columns("Parameter", ">Mode", ">F", ">p", ">Contribution %", ">Range Hz", ">Mean Hz of each level")
+    # other values have their own units
+    of, hz = ("Value", "") if any(m.response for m in screening.modes) else ("Mode", " Hz")
+    heads = columns("Parameter", f">{of}", ">F", ">p", ">Contribution %", f">Range{hz}", f">Mean{hz} of each level")
     rows = tuple(
         row(
             e.parameter,
@@ -196,14 +205,18 @@ def screen_modes(source: ReportSource) -> list[Block]:
 
 
 def mode_table(screening: ScreenResults) -> Table:
-    """Frequencies, and how well the shapes could be followed."""
+    """Frequencies, how well the shapes could be followed, and other values of a finished table in their own units."""
     heads = columns("Mode", ">Initial Hz", ">Mean of the runs Hz", ">Smallest MAC", ">Not explained %")
+    if any(m.response for m in screening.modes):
+        heads = columns(
+            "Value", ">Nearest to the initial values", ">Mean of the runs", ">Smallest MAC", ">Not explained %"
+        )
     return Table(
         "",
         heads,
         tuple(
             row(
-                _label(screening, m), freq(m.freq_hz), freq(m.mean_hz), unit_fraction(m.least_mac),
+                _value_label(screening, m), freq(m.freq_hz), freq(m.mean_hz), unit_fraction(m.least_mac, NONE),
                 NONE if m.error_contribution is None else f"{100.0 * m.error_contribution:.1f}",
             )
             for m in screening.modes
@@ -222,7 +235,7 @@ def screen_document(subject: Subject, screening: ScreenResults) -> Document:
     verdict, level = screen_verdict(screening)
     parts = (
         ("screen", "Effects of the parameters", summary_blocks(screening)),
-        ("contributions", "Contribution to the variation of each frequency in %", contribution_table(screening)),
+        ("contributions", "Contribution to the variation in %", contribution_table(screening)),
         ("elementary", "Elementary effects", elementary_table(screening)),
         ("indices", "Sobol's indices", indices_table(screening)),
         ("modes", "Modes", [mode_table(screening)]),

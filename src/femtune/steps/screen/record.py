@@ -33,8 +33,8 @@ class ScreenedMode(Record):
     error_contribution: float | None
     """Part of the variation that main effects do not explain, from 0 to 1; of a surrogate, the part that it does not
     predict in runs that are left out. None for elementary effects and for indices of the model itself."""
-    least_mac: float
-    """Smallest MAC, weighted by mass, between the shape at the initial values and the one that was followed; 1 in a
+    least_mac: float | None
+    """Smallest MAC, weighted by mass, between the shape at the initial values and the one that was followed; None in a
     table of finished runs, whose modes are its columns."""
     response: str = ""
     """Name of the column of a table of finished runs that is no frequency: its values, means and ranges have its unit

@@ -97,7 +97,7 @@ def screen_parameters(
             runs: _Runs | _Finished
             if method is None:
                 with errors_at(file.where("screen")):
-                    runs = finished_runs(looked_up.study, asked.responses)
+                    runs = finished_runs(looked_up.study, tuple(dict.fromkeys(asked.responses)))
             else:
                 runs = _Runs.of(looked_up.study, method, progress, solver)
             with errors_at(file.where("screen")):
@@ -179,7 +179,9 @@ class _Finished:
         """Effects on all values."""
         free, values = self.study.parameters.free, self.values[self.good]
         places = [(self.case, j + 1) for j in range(values.shape[1])]
-        findings = self.method.findings(values, ResponseLabels(tuple(p.name for p in free), tuple(places)))
+        findings = self.method.findings(
+            values, ResponseLabels(tuple(p.name for p in free), tuple(places), self.responses)
+        )
         hz = values.shape[1] - len(self.responses)
         near = np.abs((self.points[self.good] - [p.nominal for p in free]) / [p.upper - p.lower for p in free])
         first = values[int(near.sum(axis=1).argmin())]
@@ -187,7 +189,7 @@ class _Finished:
             ScreenedMode(
                 configuration=self.case, mode=j + 1, freq_hz=float(first[j]), mean_hz=float(values[:, j].mean()),
                 error_contribution=None if findings.unexplained is None else float(findings.unexplained[j]),
-                least_mac=1.0, response=self.responses[j - hz] if j >= hz else "",
+                least_mac=None, response=self.responses[j - hz] if j >= hz else "",
             )
             for j in range(values.shape[1])
         )  # fmt: skip
@@ -301,7 +303,8 @@ class _Runs:
         if failed:
             listed = ", ".join(str(f.run) for f in failed[:_MOST_NAMED])
             out.append(alert("warning", "screen.failed-runs", count=len(failed), runs=listed, reason=failed[0].reason))
-        lost = [f"{m.mode} (MAC {m.least_mac:.2f})" for m in modes if m.least_mac < _LEAST_FOLLOWED_MAC]
+        followed = [(m.mode, m.least_mac) for m in modes if m.least_mac is not None]
+        lost = [f"{mode} (MAC {mac:.2f})" for mode, mac in followed if mac < _LEAST_FOLLOWED_MAC]
         if lost:
             out.append(alert("warning", "screen.lost-modes", modes=", ".join(lost[:_MOST_NAMED])))
         return out
