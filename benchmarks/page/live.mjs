@@ -1,4 +1,5 @@
-// Change a parameter of the live model in headless Chromium: node live.mjs web-folder page inputs; prints the times in ms.
+// Change a parameter of the live model in headless Chromium: node live.mjs web-folder page inputs; prints the times in ms, and
+// the processor time of the main thread for an input, which other work on the machine does not lengthen.
 import { execFileSync } from "node:child_process";
 import { createRequire } from "node:module";
 import { resolve } from "node:path";
@@ -14,13 +15,21 @@ const page = await context.newPage();
 await page.goto(pathToFileURL(path).href);
 await page.waitForSelector(".livemodel[data-solved]", { timeout: 60000 });
 const times = [Number(await page.locator(".livemodel").getAttribute("data-ms"))];
+const devtools = await context.newCDPSession(page);
+await devtools.send("Performance.enable", { timeDomain: "threadTicks" });
+const busy = async () => {
+  const { metrics } = await devtools.send("Performance.getMetrics"), of = (name) => metrics.find((m) => m.name === name).value;
+  return 1000 * (of("TaskDuration") - of("DevToolsCommandDuration"));
+};
+let spent = 0;
 const sliders = page.locator(".slider input[type=range]"), count = await sliders.count();
 for (let i = 0; i < Number(inputs); i++) {
-  const before = await page.locator(".livemodel").getAttribute("data-solved");
+  const before = await page.locator(".livemodel").getAttribute("data-solved"), start = await busy();
   await sliders.nth(i % count).focus();
   await page.keyboard.press(i % 2 ? "PageDown" : "PageUp");
   await page.waitForFunction((id) => document.querySelector(".livemodel").dataset.solved !== id, before);
+  spent += await busy() - start;
   times.push(Number(await page.locator(".livemodel").getAttribute("data-ms")));
 }
 await browser.close();
-console.log(JSON.stringify(times));
+console.log(JSON.stringify({ times, main_ms: spent / Number(inputs) }));

@@ -337,7 +337,7 @@ export class LivePanel {
   private draw(shape: LiveShape): void {
     const c = this.live.configurations[shape.configuration], now = this.solved[shape.configuration]!;
     const list = (texts: (string | number)[]) => texts.join(" and "), several = shape.columns.length > 1;
-    const which = several ? `the combination of the close model modes ${list(shape.columns.map((k) => k + 1))} that is nearest to it` : `model mode ${shape.columns[0] + 1} with these values`;
+    const which = several ? `the combination of model modes ${list(shape.columns.map((k) => k + 1))}, close at the update, that is nearest to it` : `model mode ${shape.columns[0] + 1} with these values`;
     const title = `Test mode ${c.test_labels[shape.test]}, ${shown(c.test_freq_hz[shape.test])} Hz, and ${which}, ${list(shape.columns.map((k) => hertz(now.freq_hz[k])))}`;
     document.dispatchEvent(new CustomEvent("femtune:live-shape", { detail: { motion: shape.motion, factor: shape.factor, test: c.test_labels[shape.test], title } }));
   }
