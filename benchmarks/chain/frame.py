@@ -111,32 +111,64 @@ class Trial:
     def write(self, folder: Path, more: str = "") -> Path:
         """Deck, test and study in a folder; the path of the study."""
         (folder / "deck.bdf").write_text(self.deck(), encoding="utf-8")
-        true = folder / "true.bdf"
-        true.write_text(self.deck(self.truth), encoding="utf-8")
-        functions, hertz = _functions(true, self)
-        points = np.unique(np.array([d.node for d in (*functions.responses, *functions.references)]))
-        nodes = _plate_nodes() if self.setup.startswith("plate") else _NODES
-        frame = WireFrame(points, np.array([(*nodes[n], 0.0) for n in points]))
-        write_uff_frfs(folder / "test.uff", ModalTest("test", SI, frame, frfs=functions))
+        hertz = self.measure(folder, self.truth)
         inside = hertz[(hertz > LINES[0]) & (hertz < LINES[-1])]
         dropped = f"drop_hz = [{inside[self.number % len(inside)]:.4f}]\n" if self.kind == "missed" else ""
         study = folder / "study.toml"
         equalise = f"[equalise]\ndamping = {EQUAL}\nlargest_order = 40\n{dropped}{more}"
-        study.write_text(_STUDY + _parameters(self.groups) + equalise, encoding="utf-8")
+        study.write_text(_HEAD + _TEST + _parameters(self.groups) + equalise, encoding="utf-8")
         return study
 
+    def measure(self, folder: Path, moduli: NDArray[np.float64], name: str = "test") -> NDArray[np.float64]:
+        """Write the test of the structure with true moduli and its deck `true.bdf`; its natural frequencies, Hz."""
+        true = folder / "true.bdf"
+        true.write_text(self.deck(moduli), encoding="utf-8")
+        functions, hertz = _functions(true, self)
+        points = np.unique(np.array([d.node for d in (*functions.responses, *functions.references)]))
+        nodes = _plate_nodes() if self.setup.startswith("plate") else _NODES
+        frame = WireFrame(points, np.array([(*nodes[n], 0.0) for n in points]))
+        write_uff_frfs(folder / f"{name}.uff", ModalTest(name, SI, frame, frfs=functions))
+        return hertz
 
-_STUDY = """[study]
+
+def write_specimens(folder: Path, factors: dict[str, float], individual: str, more: str = "") -> tuple[Path, Moduli]:
+    """Frames of one drawing, fitted together: deck, tests and study, and the true moduli by name.
+
+    The frames have the moduli of the first trial of right models, and damping and noise of the first, the second …
+
+    Parameters
+    ----------
+    factors : of the individual modulus of each specimen, by its name
+    """
+    trials = [Trial("right", number) for number in range(len(factors))]
+    first = trials[0]
+    (folder / "deck.bdf").write_text(first.deck(), encoding="utf-8")
+    common = dict(zip(first.groups, first.truth.tolist()))
+    own = common.pop(individual)
+    truth, configurations = common, ""
+    for trial, (name, factor) in zip(trials, factors.items()):
+        moduli = np.array([own * factor if group == individual else common[group] for group in first.groups])
+        trial.measure(folder, moduli, name)
+        configurations += f'[[configuration]]\nname = "{name}"\nspecimen = "{name}"\ntest = "{name}.uff"\n'
+        truth = {**truth, f"{individual}_{name}": own * factor}
+    parameters = _parameters(first.groups).replace(f'"{individual}"\n', f'"{individual}"\nindividual = true\n')
+    study = folder / "study.toml"
+    equalise = f"[equalise]\ndamping = {EQUAL}\nlargest_order = 40\n{more}"
+    study.write_text(_HEAD + _FRFS + configurations + parameters + equalise, encoding="utf-8")
+    return study, truth
+
+
+Moduli = dict[str, float]
+
+_HEAD = """[study]
 title = "Simulated test"
 deck = "deck.bdf"
 units = "m-kg-s"
 [modes]
 count = 20
-[test]
-file = "test.uff"
-[[residual]]
-kind = "frf"
 """
+_FRFS = '[[residual]]\nkind = "frf"\n'
+_TEST = f'[test]\nfile = "test.uff"\n{_FRFS}'
 
 
 def _parameters(groups: tuple[str, ...]) -> str:

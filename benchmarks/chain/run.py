@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import inspect
 import json
 import os
 import subprocess
@@ -26,6 +27,7 @@ from frame import EQUAL, FLOOR, KINDS, LINES, MASS, NOISE, SETUPS, SOFT, SPREAD,
 from scipy.stats import beta
 
 import femtune as ft
+from femtune.steps.update import in_run
 from femtune.steps.update import run as update_run
 from femtune.uncertainty import common_test_of_estimates
 
@@ -56,26 +58,35 @@ Key = tuple[SetUp, Kind, int, bool]
 """Set-up, kind, number, and whether the FRFs have noise."""
 
 
-ends: list[Any] = []
-"""Results of the updates of a trial."""
+ends: dict[str, Any] = {}
+"""Results of the updates of a trial: "equalised", of that with equal damping, and "final"."""
 
 
 def keep_ends() -> None:
     """Keep the results of all updates, whose covariances are not written."""
-    original = update_run.with_noise_of_tests
+    then_raw, find_parameters = update_run.then_raw, in_run.find_parameters
 
-    def kept(*given: Any) -> Any:
-        out = original(*given)
-        ends.append(out[0])
+    def keep(name: str, result: Any) -> None:
+        if name in ends:
+            raise RuntimeError(f"a trial has two results: {name}")
+        ends[name] = result
+
+    def with_equal_damping(*given: Any, **named: Any) -> Any:
+        keep("equalised", inspect.signature(then_raw).bind(*given, **named).arguments["equalised"])
+        return then_raw(*given, **named)
+
+    def found(*given: Any, **named: Any) -> Any:
+        out = find_parameters(*given, **named)
+        keep("final", out.result)
         return out
 
-    update_run.with_noise_of_tests = kept
+    update_run.then_raw, in_run.find_parameters = with_equal_damping, found
 
 
 def together(one: Trial) -> dict[str, list[list[float]]]:
     """Errors of all normalised parameters, and below them their covariance, with equal damping and at the end."""
     out = {}
-    for name, end in zip(("equalised", "final"), ends):
+    for name, end in ends.items():
         if np.isfinite(end.covariance.matrix).all():
             out[name] = [(end.x - (one.truth - 1.0)).tolist(), *end.covariance.matrix.tolist()]
     return out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,11 @@ import numpy as np
 import pytest
 from tests.deck_models import model_of
 
+import femtune as ft
 from femtune.files.uff import read_uff
 from femtune.model import solve_modes
+from femtune.steps.update import in_run
+from femtune.steps.update import run as update_run
 from femtune.units import SI
 
 _FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "chain"
@@ -41,6 +45,48 @@ def test_the_resonances_of_a_test_are_those_of_its_true_deck(run: dict[str, Any]
     inside = true[(true > 25.0) & (true < 390.0)]
     # within a half bandwidth of 2 % and a line
     assert all(np.abs(peaks - hertz).min() < 0.02 * hertz + 0.5 for hertz in inside)
+
+
+@pytest.mark.long
+def test_specimens_that_are_fitted_together_have_their_true_moduli(run: dict[str, Any], tmp_path: Path) -> None:
+    factors = {"A": 0.95, "B": 1.05}
+    write_specimens = sys.modules[run["Trial"].__module__].write_specimens
+    study, truth = write_specimens(tmp_path, factors, "top", "[update]\nlook_further = false\n")
+    results = ft.update(study, output=tmp_path / "out").results
+    update, specimens = results.update, results.specimens
+    assert update is not None
+    assert update.ok
+    assert update.raw is not None
+    assert {p.name for p in update.parameters} == set(truth)
+    for p in update.parameters:
+        assert p.sd is not None
+        assert abs(p.value - truth[p.name]) < 4.0 * p.sd < 2e-3
+    assert specimens is not None
+    assert specimens.common is not None
+    assert specimens.common.p_value > 1e-3
+    assert specimens.common.restrictions == len(truth) - len(factors)
+
+
+@pytest.mark.long
+def test_ends_of_a_trial_are_known_by_their_names(
+    run: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(update_run, "then_raw", update_run.then_raw)
+    monkeypatch.setattr(in_run, "find_parameters", in_run.find_parameters)
+    run["keep_ends"]()
+    one = run["Trial"]("right", 0)
+    update = ft.update(one.write(tmp_path, run["MORE"]), output=tmp_path / "out").results.update
+    assert update is not None
+    assert update.raw is not None
+    errors = {name: np.array(rows[0]) for name, rows in run["together"](one).items()}
+    equalised = np.array([v.equalised for v in update.raw.values])
+    np.testing.assert_allclose(errors["equalised"], equalised - one.truth, rtol=1e-6, atol=1e-9)
+    final = np.array([p.value for p in update.parameters])
+    np.testing.assert_allclose(errors["final"], final - one.truth, rtol=1e-6, atol=1e-9)
+    assert np.abs(final - equalised).max() > 1e-5
+    # a second update would be one of another trial
+    with pytest.raises(RuntimeError, match="two results"):
+        update_run.then_raw(*4 * [None])  # type: ignore[list-item]
 
 
 def test_rates_count_parameters_and_trials(run: dict[str, Any]) -> None:
