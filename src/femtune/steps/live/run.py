@@ -224,7 +224,9 @@ class _Region:
     def points(self, count: int, seed: int, certified: bool = False) -> Reals:
         """(count, k) samples: half from the outer half of the region; those to certify are none to train with."""
         random = np.random.default_rng(seed)
-        every, size = self.inside[int(certified) :: 2], self.size[int(certified) :: 2]
+        # neighbours in the sequence of the samples are no random halves of it
+        half = np.random.default_rng(_SEED).permutation(len(self.inside))[int(certified) :: 2]
+        every, size = self.inside[half], self.size[half]
         outer = np.flatnonzero(size >= np.median(size))
         some = random.choice(outer, count // 2, replace=len(outer) < count)
         more = random.choice(len(every), count - count // 2, replace=len(every) < count)
