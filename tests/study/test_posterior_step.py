@@ -81,3 +81,30 @@ def test_a_run_without_samples_has_none_for_arviz(bench: Bench) -> None:
     with pytest.raises(FemtuneError) as caught:
         ft.to_inference_data(found)
     check_shown("posterior.none", caught.value)
+
+
+@pytest.mark.slow
+def test_transitional_chains_in_a_run(bench: Bench) -> None:
+    bench.write("beam.bdf", bench.text)
+    bench.uff(bench.measure(bench.truth(TRUE)))
+    study = bench.study(f'{EI}{TABLE}sampling = "tmcmc"\ndiscrepancy = "none"\n'.replace("draws = 120", "draws = 800"))
+    run = ft.run(study)
+    found = run.results.posterior
+    assert found is not None
+    assert (found.drawn_from, found.degree, found.r_hat, found.surrogate_error) == ("tmcmc", 0, None, None)
+    assert found.stages > 2
+    assert f"after {found.stages} stages of TMCMC" in found.sentences[-1]
+    for p, truth in zip(found.parameters, (1.3, 0.85)):
+        assert p.interval_95[0] < truth < p.interval_95[1]
+        assert p.sd == pytest.approx(p.linear_sd, rel=0.5)
+    page = run.report.read_text(encoding="utf-8") if run.report else ""
+    assert "stages of transitional Markov chain Monte Carlo" in page
+    # what was solved is not solved again
+    file = run.folder / POSTERIOR_FILE
+    lines = file.read_bytes().splitlines(keepends=True)
+    file.write_bytes(b"".join(lines[: len(lines) // 2]))
+    other = ft.posterior(study).results.posterior
+    assert other is not None
+    assert other.recalled > 0.4 * found.plain_solutions
+    apart = {"seconds", "recalled"}
+    assert other.model_dump(exclude=apart) == found.model_dump(exclude=apart)

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from femtune.files.study_file.kinds import Seed, TomlTable
-from femtune.sampling.kinds import Discrepancy, NoiseRule
+from femtune.sampling.kinds import Discrepancy, NoiseRule, Sampling
 
 
 class PosteriorTable(TomlTable):
@@ -21,8 +21,12 @@ class PosteriorTable(TomlTable):
     """Errors of the model in the intervals: unknown changes of all stiffnesses, masses and supports that no parameter
     represents (`"properties"`), whose sizes the data choose; or `"none"`. Both widths are in the results. Example:
     `"none"`"""
+    sampling: Sampling = "automatic"
+    """How the samples are drawn: from linearised residuals or a surrogate, as the model allows, with weights of the
+    model (`"automatic"`); or by transitional Markov chain Monte Carlo (`"tmcmc"`), which takes ten to thirty times as
+    many solutions, each without derivatives. Example: `"tmcmc"`"""
     draws: Annotated[int, Field(ge=100, le=100_000)] = 1000
-    """Number of weighted samples, each a solution of the model. Example: `2000`"""
+    """Number of weighted samples, each a solution of the model; with `"tmcmc"` those of each stage. Example: `2000`"""
     gradients: Annotated[int, Field(ge=20, le=10_000)] = 150
     """Solutions with derivatives at most, from which a surrogate of the residuals is made where the linearised
     residuals do not hold. Example: `300`"""

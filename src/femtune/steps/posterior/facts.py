@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femtune.document.numbers import listed
-from femtune.sampling import bends, weighted_quantiles
+from femtune.sampling import GOOD_ERROR, bends, weighted_quantiles
 from femtune.sampling.chains import MIXED
 from femtune.steps.posterior.record import (
     BentPair,
@@ -139,13 +139,14 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
         model_errors=tuple(_model_errors(facts)), wanted=tuple(_wanted(facts)),
         seed=table.seed, draws=len(s.x), effective=s.weights.effective, k_hat=s.weights.k_hat,
         drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
+        stages=s.stages,
         log_evidence=s.log_evidence, log_evidence_sd=s.log_evidence_sd, gradient_solutions=s.gradients,
         plain_solutions=s.plain, failed=s.failed, paired_anew_percent=100.0 * anew, recalled=facts.recalled,
         seconds=facts.seconds, executor=facts.executor, parameters=estimates, free=facts.names, noise_levels=noise,
         bent=bent, others=others, starts=facts.starts, linear_enough=not off, tried=s.tried, left_out=facts.left_out,
         reduced_orders=facts.reduced_orders, full_model_error=facts.full_error, samples_key=keys["samples"],
         weights_key=keys["weights"], linear_key=keys["linear"], sizes_key=keys["sizes"], sentences=(),
-        citations=citations(("vehtari2024", "neal2011", "meng1996")),
+        citations=citations(("ching2007",) if s.route == "tmcmc" else ("vehtari2024", "neal2011", "meng1996")),
     )  # fmt: skip
     sentences = (*_sentences(record, off), *facts.remarks)
     return record.model_copy(update={"sentences": sentences, "alerts": tuple(limits_of(record))})
@@ -270,9 +271,10 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
     if record.bent:
         pairs = [f"{b.first} and {b.second}" for b in record.bent[:3]]
         yield f"Their joint distribution is bent: {listed(pairs)}."
+    weights = f"k̂ = {record.k_hat:.2f}" if record.drawn_from != "tmcmc" else f"after {record.stages} stages of TMCMC"
     yield (
-        f"{record.effective:.0f} of {record.draws} samples are effective, k̂ = {record.k_hat:.2f}; the logarithm of the "
-        f"evidence is {record.log_evidence:.2f} ± {record.log_evidence_sd:.2f}."
+        f"{record.effective:.0f} of {record.draws} samples are effective, {weights}; the logarithm of the evidence is "
+        f"{record.log_evidence:.2f} ± {record.log_evidence_sd:.2f}."
     )
 
 
@@ -318,8 +320,10 @@ def limits_of(record: PosteriorResults) -> Iterator[Alert]:
         )
     if record.paired_anew_percent > 100.0 * _MOST_ANEW:
         yield alert("warning", "posterior.paired-anew", percent=record.paired_anew_percent)
-    if record.r_hat > MIXED:
+    if record.r_hat is not None and record.r_hat > MIXED:
         yield alert("warning", "posterior.slow-chains", r_hat=record.r_hat)
+    if record.surrogate_error is not None and record.surrogate_error > GOOD_ERROR:
+        yield alert("warning", "posterior.rough", sd=record.surrogate_error)
     if record.effective < _FEWEST:
         yield alert("warning", "posterior.few-effective", effective=record.effective, draws=record.draws)
     if record.failed > _MOST_FAILED * (record.gradient_solutions + record.plain_solutions):

@@ -44,6 +44,9 @@ def _how(record: PosteriorResults) -> str:
         "the linearised residuals" if record.drawn_from == "linear"
         else f"a surrogate of the residuals of degree {record.degree}"
     )  # fmt: skip
+    drawn = f"drawn from {drawn}, R-hat {record.r_hat:.3f}, and weighted by" if record.r_hat is not None else (
+        f"drawn in {record.stages} stages of transitional Markov chain Monte Carlo on"
+    )  # fmt: skip
     tried = f" Before: {'; '.join(record.tried)}." if record.tried else ""
     recalled = f", {record.recalled} of them from an earlier run" if record.recalled else ""
     starts = (
@@ -52,9 +55,9 @@ def _how(record: PosteriorResults) -> str:
     orders = ", ".join(map(str, record.reduced_orders))
     on = f" on reduced models of order {orders}" if orders else ""
     return (
-        f"{record.draws} samples (seed {record.seed}) drawn from {drawn}, R-hat {record.r_hat:.3f}, and weighted by "
-        f"the model{on}.{tried}{starts} {counted(record.gradient_solutions, 'solution')} with derivatives and "
-        f"{record.plain_solutions} without{recalled}, in {short(record.seconds)} s by {record.executor}."
+        f"{record.draws} samples (seed {record.seed}) {drawn} the model{on}.{tried}{starts} "
+        f"{counted(record.gradient_solutions, 'solution')} with derivatives and {record.plain_solutions} without"
+        f"{recalled}, in {short(record.seconds)} s by {record.executor}."
     )
 
 

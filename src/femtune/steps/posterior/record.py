@@ -123,18 +123,20 @@ class PosteriorResults(Record):
     effective: float
     """Effective number of independent samples, 1/Σw²."""
     k_hat: float
-    """Shape k̂ of the tail of the weights; below 0.7 averages can be trusted."""
+    """Shape k̂ of the tail of the weights; below 0.7 averages can be trusted. 0 for equal weights."""
     drawn_from: Route
-    """What the samples were drawn from: linearised residuals, or a surrogate of the residuals."""
+    """What the samples were drawn from: linearised residuals, a surrogate of the residuals, or TMCMC on the model."""
     degree: int
-    """Degree of the polynomials that the residuals were drawn from; 1 for linearised residuals."""
-    surrogate_error: float
-    """Standard deviation of the logarithm of the weights."""
-    r_hat: float
-    """R-hat of the chains on what was drawn from; below 1.01 they have forgotten where they began."""
-    displacement: float
+    """Degree of the polynomials that the residuals were drawn from; 1 for linearised residuals, 0 for TMCMC."""
+    surrogate_error: float | None
+    """Standard deviation of the logarithm of the weights; None for TMCMC."""
+    r_hat: float | None
+    """R-hat of the chains on what was drawn from; below 1.01 they have forgotten where they began. None for TMCMC."""
+    displacement: float | None
     """Mean square distance of samples half a run apart over twice the variance, of the slowest parameter; 1 for chains
-    that move."""
+    that move. None for TMCMC."""
+    stages: int = 0
+    """Stages of TMCMC; 0 for other ways."""
     log_evidence: float
     """Logarithm of the evidence: likelihood integrated over the prior. It compares sets of parameters with the same
     residuals and the same rule for the errors."""

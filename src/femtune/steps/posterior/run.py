@@ -103,7 +103,7 @@ def posterior_at(
             progress.step("posterior: effects of errors of the model", 0, None)
             errors = model_errors(study, result, solving)
         likelihood = likelihood_of(solving, result, table.noise, errors)
-        rules = SamplingRules(table.draws, table.seed, table.gradients)
+        rules = SamplingRules(table.draws, table.seed, table.gradients, sampling=table.sampling)
         samples = sampler_of(solving, likelihood, rules, solutions, solutions.tell).run()
         starts, regions = _other_regions(study, update, problem, solving, samples, likelihood, table, progress)
         orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
