@@ -70,7 +70,8 @@ def test_what_limits_samples_is_told() -> None:
     region = OtherRegion(values=(1.25, 0.8), log_likelihood_difference=-0.1, starts=2)
     fine: dict[str, Any] = {
         "noise": "by-kind", "others": (), "free": ("left", "right"), "paired_anew_percent": 0.0, "r_hat": 1.004,
-        "surrogate_error": 0.2, "effective": 900.0, "draws": 1000, "failed": 0, "gradient_solutions": 60, "plain_solutions": 1200,
+        "surrogate_error": 0.2, "effective": 900.0, "draws": 1000, "failed": 0, "gradient_solutions": 60,
+        "plain_solutions": 1200,
         "full_model_error": None, "left_out": (), "noise_levels": (),
     }  # fmt: skip
     assert not list(limits_of(PosteriorResults.model_construct(**fine)))

@@ -33,5 +33,8 @@ class PosteriorTable(TomlTable):
     starts: Annotated[int, Field(ge=0, le=1000)] = 6
     """Updates from other points of the bounds, which look for further regions that explain the data as well; 0 for
     none. Starts of `[update]` are used where it has several. Example: `20`"""
+    further_sd: Annotated[float, Field(gt=0, lt=1)] = 0.005
+    """Standard deviation of the errors of a frequency, relative, in further tests: configurations of the study without
+    a test, of which the results state what a test would teach. Example: `0.002`"""
     seed: Seed = 0
     """Seed of the random numbers. Example: `7`"""

@@ -13,6 +13,7 @@ from femtune.sampling import GOOD_ERROR, bends, weighted_quantiles
 from femtune.sampling.chains import MIXED
 from femtune.steps.posterior.record import (
     BentPair,
+    FurtherTest,
     ModelErrorClass,
     OtherRegion,
     PosteriorNoise,
@@ -94,6 +95,7 @@ class SampledFacts:
     left_out: tuple[str, ...]
     reduced_orders: tuple[int, ...]
     full_error: float | None
+    further: tuple[FurtherTest, ...]
     remarks: tuple[str, ...]
 
     @property
@@ -139,7 +141,7 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
         model_errors=tuple(_model_errors(facts)), wanted=tuple(_wanted(facts)),
         seed=table.seed, draws=len(s.x), effective=s.weights.effective, k_hat=s.weights.k_hat,
         drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
-        stages=s.stages,
+        stages=s.stages, further=facts.further, further_sd=table.further_sd,
         log_evidence=s.log_evidence, log_evidence_sd=s.log_evidence_sd, gradient_solutions=s.gradients,
         plain_solutions=s.plain, failed=s.failed, paired_anew_percent=100.0 * anew, recalled=facts.recalled,
         seconds=facts.seconds, executor=facts.executor, parameters=estimates, free=facts.names, noise_levels=noise,
@@ -271,6 +273,14 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
     if record.bent:
         pairs = [f"{b.first} and {b.second}" for b in record.bent[:3]]
         yield f"Their joint distribution is bent: {listed(pairs)}."
+    if record.further:
+        best = record.further[0]
+        most = max(best.parameters, key=lambda p: p.sd / p.sd_after if p.sd_after else np.inf)
+        yield (
+            f"A test of {best.configuration}, {len(best.modes)} frequencies with errors of "
+            f"{100.0 * record.further_sd:.2g} %, is expected to bring {best.bits:.1f} bits; the standard deviation of "
+            f"{most.parameter} would fall from {most.sd:.2g} to {most.sd_after:.2g}."
+        )
     weights = f"k̂ = {record.k_hat:.2f}" if record.drawn_from != "tmcmc" else f"after {record.stages} stages of TMCMC"
     yield (
         f"{record.effective:.0f} of {record.draws} samples are effective, {weights}; the logarithm of the evidence is "

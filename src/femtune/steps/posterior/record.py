@@ -101,6 +101,30 @@ class OtherRegion(Record):
     """Number of starts that ended there."""
 
 
+class FurtherParameter(Record):
+    """What a further test is expected to leave of the standard deviation of a parameter, in its unit."""
+
+    parameter: str
+    """Name of the parameter."""
+    sd: float
+    """Standard deviation of the samples at which the test was predicted."""
+    sd_after: float
+    """Expected standard deviation with the further test."""
+
+
+class FurtherTest(Record):
+    """A configuration without a test, and what a test of its frequencies is expected to teach."""
+
+    configuration: str
+    """Name of the configuration."""
+    modes: tuple[int, ...]
+    """Numbers of the modes whose frequencies would be measured."""
+    bits: float
+    """Expected information about the parameters, bits."""
+    parameters: tuple[FurtherParameter, ...]
+    """The sampled parameters."""
+
+
 class PosteriorResults(Record):
     """Samples of the distribution of the parameters after the test."""
 
@@ -168,6 +192,10 @@ class PosteriorResults(Record):
     """Regions outside the samples that explain the data about as well."""
     starts: int = 0
     """Number of updates from other points that looked for such regions."""
+    further_sd: float = 0.005
+    """Standard deviation of the errors of a frequency in further tests, relative."""
+    further: tuple[FurtherTest, ...] = ()
+    """Configurations without a test, the one that would teach most first."""
     linear_enough: bool = True
     """True if the intervals of linearised residuals agree with those of the samples."""
     tried: tuple[str, ...] = ()
