@@ -98,58 +98,62 @@ def _with_needed(
     poles: int,
 ) -> tuple[ModalFit, tuple[Candidate, ...]]:
     """`with_needed_modes` from one fit; `poles` is the number of those that explain less."""
-    kept, now_fit = list(candidates), fit
-    every, two = list[int](), False
+    kept, now_fit, every = list(candidates), fit, list[int]()
+    firm: tuple[list[Candidate], ModalFit, list[int]] | None = None
     for _ in range(MOST_ROUNDS):
-        kept, now_fit, added, at_once = _with_clusters(kept, now_fit, table, refit, line)
-        every, two = every + added, two or at_once
-        if not added or search is None:
+        after, trial, added, are_firm = _with_clusters(kept, now_fit, table, refit, line)
+        if not added:
+            break
+        if not are_firm and firm is None:
+            firm = kept, now_fit, every
+        kept, now_fit, every = after, trial, [*every, *added]
+        if search is None:
             break
         # the modes outside of the band were looked for beside fewer modes, for which they may stand
         again = search(_inside(now_fit))
         now_fit = again if _is_better(again, now_fit) else now_fit
+    if firm is not None:
+        # with no more poles than before, which leave noise only, they are not there to explain noise
+        if len(now_fit.poles) <= poles and _is_noise(now_fit, line):
+            return now_fit, tuple(kept)
+        if not all(_stands_out(now_fit, _place(kept, i)) for i in every):
+            kept, now_fit, every = firm
     if not every and search is not None:
         kept, now_fit, every = _with_divided(kept, now_fit, refit, search, line)
-    chosen = [j for j, c in enumerate(kept) if c.chosen]
-    places = [chosen.index(i) for i in every]
-    # with no more poles than before, which leave noise only, they are not there to explain noise
-    if every and two and len(now_fit.poles) <= poles and _is_noise(now_fit, line):
-        return now_fit, tuple(kept)
-    ends = [now_fit.poles[now_fit.begun_at == place][0] for place in places]
+    ends = [now_fit.poles[now_fit.begun_at == _place(kept, i)][0] for i in every]
     # one that hides others is no noise near it before these are there too
     if not every or not all(_is_white(now_fit, _near(now_fit.measured.freq_hz, end), line) for end in ends):
         return fit, tuple(candidates)
-    # those that were taken two at once are judged beside all others
-    if two and not all(_stands_out(now_fit, place) for place in places):
-        return fit, tuple(candidates)
     return now_fit, tuple(kept)
+
+
+def _place(candidates: Sequence[Candidate], i: int) -> int:
+    """Position of a chosen candidate among those that are chosen."""
+    return sum(c.chosen for c in candidates[:i])
 
 
 def _with_clusters(
     candidates: list[Candidate], fit: ModalFit, table: PoleTable, refit: Refit, line: Reals | None
 ) -> tuple[list[Candidate], ModalFit, list[int], bool]:
-    """With the clusters that explain more than chance, one after the other; if none does alone, with two at once.
+    """With the clusters that explain more than chance and stand out of the noise, one after the other: these are firm.
 
-    The last of the results tells whether it is two at once.
+    If there are none and the fit leaves more than noise, with the one or two that explain most: beside what is missing
+    none may stand out, and of two that are both missing each alone moves to where it stands for both.
     """
     kept, now_fit, added = candidates, fit, list[int]()
     tried = _tried(candidates)
     for i in tried:
         trial = _with_these(kept, now_fit, (i,), table, refit)
-        if trial is not None and _stands_out(trial, int(np.sum([c.chosen for c in kept[:i]]))):
+        if trial is not None and _stands_out(trial, _place(kept, i)):
             kept, now_fit, added = _taken(kept, (i,)), trial, [*added, i]
     if added or _is_noise(fit, line):
-        return kept, now_fit, added, False
-    # of two that are both missing, each alone moves to where it stands for both
-    trials = [
-        (trial, pair)
-        for pair in combinations(tried[:MOST_IN_PAIRS], 2)
-        if (trial := _with_these(kept, fit, pair, table, refit)) is not None
-    ]
+        return kept, now_fit, added, True
+    groups = [*((i,) for i in tried), *combinations(tried[:MOST_IN_PAIRS], 2)]
+    trials = [(trial, g) for g in groups if (trial := _with_these(kept, fit, g, table, refit)) is not None]
     if not trials:
-        return kept, fit, [], False
-    best, pair = min(trials, key=lambda one: one[0].deviance)
-    return _taken(kept, pair), best, list(pair), True
+        return kept, fit, [], True
+    best, group = min(trials, key=lambda one: one[0].deviance)
+    return _taken(kept, group), best, list(group), False
 
 
 def _taken(candidates: Sequence[Candidate], these: tuple[int, ...]) -> list[Candidate]:
