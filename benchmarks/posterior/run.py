@@ -169,13 +169,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=400, help="tests of each kind of model")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--shard", default="1/1", help="1/2 and 2/2 share the tests between two runs of one journal")
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--journal", type=Path, default=Path("build/posterior.jsonl"))
     parser.add_argument("--evidence", type=Path)
     arguments = parser.parse_args()
     arguments.journal.parent.mkdir(parents=True, exist_ok=True)
     rows, begun = known(arguments.journal, arguments.seed), time.monotonic()
-    for number in range(arguments.each):
+    shard, shards = map(int, arguments.shard.split("/"))
+    for number in range(shard - 1, arguments.each, shards):
         for case in CASES:
             if (case, number) in rows or time.monotonic() - begun > 60.0 * arguments.minutes:
                 continue

@@ -258,6 +258,16 @@ _register(
     year="2024",
 )
 _register(
+    "ching2007",
+    "article",
+    author="Ching, J. and Chen, Y.-C.",
+    title="Transitional Markov Chain Monte Carlo Method for Bayesian Model Updating, Model Class Selection, and Model "
+    "Averaging",
+    journal="Journal of Engineering Mechanics",
+    volume="133",
+    year="2007",
+)
+_register(
     "neal2011",
     "incollection",
     author="Neal, R. M.",

@@ -70,13 +70,15 @@ def test_what_limits_samples_is_told() -> None:
     region = OtherRegion(values=(1.25, 0.8), log_likelihood_difference=-0.1, starts=2)
     fine: dict[str, Any] = {
         "noise": "by-kind", "others": (), "free": ("left", "right"), "paired_anew_percent": 0.0, "r_hat": 1.004,
-        "effective": 900.0, "draws": 1000, "failed": 0, "gradient_solutions": 60, "plain_solutions": 1200,
+        "surrogate_error": 0.2, "effective": 900.0, "draws": 1000, "failed": 0, "gradient_solutions": 60,
+        "plain_solutions": 1200,
         "full_model_error": None, "left_out": (), "noise_levels": (),
     }  # fmt: skip
     assert not list(limits_of(PosteriorResults.model_construct(**fine)))
     limits = {
         "other-region": {"others": (region,)}, "paired-anew": {"paired_anew_percent": 12.0},
-        "slow-chains": {"r_hat": 1.042}, "few-effective": {"effective": 180.0}, "failed": {"failed": 40},
+        "slow-chains": {"r_hat": 1.042}, "few-effective": {"effective": 180.0}, "rough": {"surrogate_error": 2.3},
+        "failed": {"failed": 40},
         "reduced-model": {"full_model_error": 0.9}, "left-out": {"left_out": ("MAC: its errors are squares",)},
         "noise-as-stated": {"noise_levels": (noise,)},
     }  # fmt: skip

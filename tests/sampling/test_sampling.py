@@ -26,6 +26,7 @@ from femtune.sampling import (
     weighted_quantiles,
 )
 from femtune.sampling.surrogate import Monomials, PolynomialResiduals
+from femtune.sampling.tmcmc import transitional
 from femtune.sampling.weights import fitted_pareto
 
 Function = Callable[[Reals], Reals]
@@ -105,6 +106,100 @@ def test_a_curved_valley_is_that_of_numerical_integration() -> None:
     # an interval along the tangent would be another one
     linear = np.quantile(found.linear[:, 0], [0.025, 0.975])
     assert abs(linear - exact[[0, 2]]).max() > 0.3 * sd
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 20, 24, 35])
+def test_linearised_residuals_that_miss_a_part_of_a_valley_are_not_sampled_from(seed: int) -> None:
+    """Hundreds of effective samples and a small k̂ do not tell: ends of intervals would be wrong by up to 1.8 sd."""
+    rng = np.random.default_rng(seed)
+    a = np.exp(rng.uniform(np.log(0.03), np.log(0.3)))
+    b, c, rule = rng.uniform(0.3, 1.5), rng.uniform(0.3, 1.5), ["stated", "common"][seed % 2]
+    extra = np.full(8, rng.uniform(0.3, 1.2))
+    found = sampled(
+        lambda x: np.concatenate([[np.log((1 + x[0]) * (1 + x[1])) / a, (x[0] + x[1]) / b, x[0] / c], extra]),
+        np.zeros(2), (-0.9, 2.0), rule, SamplingRules(seed=seed),
+    )  # fmt: skip
+    first, t = np.meshgrid(np.linspace(-0.9, 2.0, 1201)[1:-1], np.linspace(-1.5, 1.5, 3001), indexing="ij")
+    second = np.exp(t) / (1 + first) - 1
+    squares = (t / a) ** 2 + ((first + second) / b) ** 2 + (first / c) ** 2
+    # with a common size of the errors, integrated over its prior: a power of the sum of all squares
+    log = -0.5 * squares if rule == "stated" else -5.5 * np.log(squares + extra @ extra)
+    mass = np.exp(log - log.max()) * ((second > -0.9) & (second < 2.0)) * (1 + second)
+    by_first = mass.sum(axis=1) / mass.sum()
+    mean = by_first @ first[:, 0]
+    sd = np.sqrt(by_first @ (first[:, 0] - mean) ** 2)
+    ends = np.array([0.025, 0.5, 0.975])
+    exact = np.interp(ends, np.cumsum(by_first), first[:, 0])
+    ours = weighted_quantiles(found.x[:, 0], found.weights.values, ends)
+    assert (found.error or 0.0) < 1.0
+    np.testing.assert_allclose(ours, exact, atol=0.4 * sd)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["stated", "common"])
+def test_transitional_chains_find_the_same_curved_valley(rule: str) -> None:
+    """Beside weighted samples of the surrogate, with errors as stated and with a sampled size; and the evidence."""
+    many = np.concatenate([curved(np.zeros(2)), np.full(9, 0.4)])
+
+    def residuals(x: Reals) -> Reals:
+        return np.concatenate([curved(x), many[3:]])
+
+    rules = SamplingRules(draws=4000, seed=3, sampling="tmcmc")
+    found = sampled(residuals, np.zeros(2), (-0.9, 2.0), rule, rules)
+    other = sampled(residuals, np.zeros(2), (-0.9, 2.0), rule, SamplingRules(seed=1, chain=ChainRules(most=600)))
+    assert (found.route, found.degree, found.r_hat, found.gradients) == ("tmcmc", 0, None, 0)
+    assert found.stages > 3
+    assert found.plain > 4 * 4000
+    ends, equal = np.array([0.1, 0.5, 0.9]), np.full(4000, 1.0 / 4000)
+    sd = other.x.std(axis=0)
+    for j in range(2):
+        ours = weighted_quantiles(found.x[:, j], equal, ends)
+        theirs = weighted_quantiles(other.x[:, j], other.weights.values, ends)
+        np.testing.assert_allclose(ours, theirs, atol=4.0 * sd[j] / np.sqrt(found.weights.effective))
+    np.testing.assert_allclose([residuals(x) for x in found.x[:50]], found.residuals[:50])
+    apart = abs(found.log_evidence - other.log_evidence)
+    assert apart < 3.0 * np.hypot(found.log_evidence_sd, other.log_evidence_sd) < 1.5
+    if rule == "common":
+        size = [np.exp(np.average(s.theta[:, 0], weights=s.weights.values)) for s in (found, other)]
+        assert size[0] == pytest.approx(size[1], rel=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_the_stated_deviations_of_transitional_chains_hold(d: int) -> None:
+    """Of ln Z over 30 seeds; and the effective number is not larger than that of the scatter of the means."""
+
+    def log_likelihood(z: Reals) -> Reals:
+        return np.asarray(-0.5 * np.sum((z - 0.5) ** 2, axis=1) / 0.05**2)
+
+    def log_prior(z: Reals) -> Reals:
+        return np.asarray(-0.5 * np.sum(z**2, axis=1))
+
+    logs, sds, means, effective = [], [], [], []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        found = transitional(log_likelihood, log_prior, rng.standard_normal((500, d)), rng)
+        assert found.ended
+        logs.append(found.log_evidence)
+        sds.append(found.log_evidence_sd)
+        means.append(found.z.mean(axis=0))
+        effective.append(found.effective)
+    variance = 1.0 / (1.0 + 0.05**-2)
+    exact = 0.5 * d * (np.log(variance) - 0.25 / (1.0 + 0.05**2))
+    z = (np.array(logs) - exact) / np.array(sds)
+    assert 0.5 < np.sqrt(np.mean(z**2)) < 1.5
+    assert np.mean(effective) < 1.5 * variance / np.mean(np.var(means, axis=0))
+
+
+@pytest.mark.slow
+def test_too_few_transitional_samples_are_refused() -> None:
+    rng = np.random.default_rng(0)
+    A = 60.0 * rng.normal(size=(30, 12))
+    with pytest.raises(FemtuneError) as caught:
+        sampled(lambda x: A @ x, np.zeros(12), (-0.9, 2.0), rules=SamplingRules(draws=100, sampling="tmcmc"))
+    assert caught.value.code == "posterior.not-sampled"
+    assert "increase draws" in caught.value.what
 
 
 @pytest.mark.slow

@@ -50,25 +50,27 @@ def _known_force(one: Structure, test: Recorded) -> tuple[Reals, Reals]:
         every = residues * s**2 / (s - one.poles) + residues.conj() * s**2 / (s - one.poles.conj())
         loaded[f] = every.sum(axis=1) / np.sqrt(samples * sd**2)
     information = np.einsum("fka,fkb->ab", slopes.conj(), slopes, optimize=True).real
-    information -= _of_force(slopes, span[:k] + 1j * span[k:], loaded, samples * test.force_sd**2)
-    return _of_poles(_inverse(information), poles)
+    information = _with_force(information, slopes, span[:k] + 1j * span[k:], loaded, samples * test.force_sd**2)
+    return _of_poles(_inverse(information, keep=2 * m), poles)
 
 
-def _of_force(
-    slopes: NDArray[np.complex128], span: NDArray[np.complex128], loaded: NDArray[np.complex128], force: float
+def _with_force(
+    information: Reals,
+    slopes: NDArray[np.complex128],
+    span: NDArray[np.complex128],
+    loaded: NDArray[np.complex128],
+    force: float,
 ) -> Reals:
-    """(2m, 2m) what the noise of the force takes from the information; lines with less than 1 % of it have none."""
+    """The information on poles and columns beside the noise of the force; lines with less than 1 % of it have none."""
     g = np.sum(np.abs(loaded) ** 2, axis=0)
     kept = np.flatnonzero(force * g > 0.01)
     root = np.sqrt(force / (1.0 + force * g[kept]))
-    to_poles = _real(root[:, None] * np.einsum("fk,fka->ka", loaded[:, kept].conj(), slopes[:, kept]))
+    to_poles = root[:, None] * np.einsum("fk,fka->ka", loaded[:, kept].conj(), slopes[:, kept])
     to_columns = (root * loaded[:, kept].conj()).T[:, :, None] * span[kept, None, :]
-    to_columns = _real(to_columns.reshape(len(kept), loaded.shape[0] * span.shape[1]))
-    taken = to_poles.T @ to_poles
-    across = to_columns.T @ to_poles
-    rest = -(to_columns.T @ to_columns)
-    rest[np.diag_indices(len(rest))] += 1.0
-    return np.asarray(taken + across.T @ np.linalg.solve(rest, across))
+    shared = _real(np.hstack([to_poles, to_columns.reshape(len(kept), len(loaded) * span.shape[1])]))
+    every = np.eye(shared.shape[1])
+    every[: len(information), : len(information)] = information
+    return np.asarray(every - shared.T @ shared)
 
 
 def _spectrum(test: Recorded) -> tuple[Reals, Reals]:

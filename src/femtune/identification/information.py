@@ -64,7 +64,8 @@ def with_needed_modes(
     ----------
     fit : of the candidates that are chosen, in their order
     line : (k,) weights of the lines, where they are not equal
-    search : where it is given, a cluster may be two modes, after which modes outside the band are looked for again
+    search : where it is given, a cluster may be two modes, and modes outside the band are looked for again beside modes
+        that are added
     """
     kept, now_fit, added = list(candidates), fit, []
     for i in _tried(candidates):
@@ -86,6 +87,10 @@ def with_needed_modes(
             kept[i] = replace(kept[i], chosen=True, reason=f"{kept[i].reason}; the functions are noise only with it")
     if not added and search is not None:
         kept, now_fit, added = _with_divided(kept, now_fit, refit, search, line)
+    elif added and search is not None:
+        # the modes outside of the band were looked for beside fewer modes, for which they may stand
+        again = search(now_fit.poles[~now_fit.outside][np.argsort(now_fit.begun_at[~now_fit.outside])])
+        now_fit = again if again.deviance < now_fit.deviance else now_fit
     chosen = [j for j, c in enumerate(kept) if c.chosen]
     ends = [now_fit.poles[now_fit.begun_at == chosen.index(i)][0] for i in added]
     # one that hides others is no noise near it before these are there too

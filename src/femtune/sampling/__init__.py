@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from femtune.sampling.coordinates import NormalBox
     from femtune.sampling.likelihood import Likelihood, NoiseGroup, NuisanceClass, noise_groups
     from femtune.sampling.model import SolvedSample, Solving, kept_blocks
-    from femtune.sampling.sampler import LARGEST_K, PosteriorSamples, Sampler, SamplingRules
+    from femtune.sampling.sampler import GOOD_ERROR, LARGEST_K, PosteriorSamples, Sampler, SamplingRules
     from femtune.sampling.shape import Bend, bends, far_from, weighted_quantiles
     from femtune.sampling.surrogate import Known, Scaled
     from femtune.sampling.weights import SmoothedWeights, log_integral, smoothed_weights
@@ -17,6 +17,7 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "GOOD_ERROR",
     "LARGEST_K",
     "Bend",
     "ChainRules",

@@ -10,5 +10,9 @@ NoiseRule = Literal["stated", "common", "by-kind"]
 Discrepancy = Literal["none", "properties"]
 """No error of the model, or unknown factors on the properties, masses and supports that no parameter represents."""
 
-Route = Literal["linear", "surrogate"]
-"""Where the samples come from: the linearised residuals, or a polynomial surrogate of the residuals."""
+Sampling = Literal["automatic", "tmcmc"]
+"""Weighted samples of linearised residuals or of a surrogate, as the model allows; or transitional Markov chains."""
+
+Route = Literal["linear", "surrogate", "tmcmc"]
+"""Where the samples come from: the linearised residuals, a polynomial surrogate of the residuals, or transitional
+Markov chains on the model itself."""

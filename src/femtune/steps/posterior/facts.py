@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femtune.document.numbers import listed
-from femtune.sampling import bends, weighted_quantiles
+from femtune.sampling import GOOD_ERROR, bends, weighted_quantiles
 from femtune.sampling.chains import MIXED
 from femtune.steps.posterior.record import (
     BentPair,
+    FurtherTest,
     ModelErrorClass,
     OtherRegion,
     PosteriorNoise,
@@ -94,6 +95,7 @@ class SampledFacts:
     left_out: tuple[str, ...]
     reduced_orders: tuple[int, ...]
     full_error: float | None
+    further: tuple[FurtherTest, ...]
     remarks: tuple[str, ...]
 
     @property
@@ -139,13 +141,14 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
         model_errors=tuple(_model_errors(facts)), wanted=tuple(_wanted(facts)),
         seed=table.seed, draws=len(s.x), effective=s.weights.effective, k_hat=s.weights.k_hat,
         drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
+        stages=s.stages, further=facts.further, further_sd=table.further_sd,
         log_evidence=s.log_evidence, log_evidence_sd=s.log_evidence_sd, gradient_solutions=s.gradients,
         plain_solutions=s.plain, failed=s.failed, paired_anew_percent=100.0 * anew, recalled=facts.recalled,
         seconds=facts.seconds, executor=facts.executor, parameters=estimates, free=facts.names, noise_levels=noise,
         bent=bent, others=others, starts=facts.starts, linear_enough=not off, tried=s.tried, left_out=facts.left_out,
         reduced_orders=facts.reduced_orders, full_model_error=facts.full_error, samples_key=keys["samples"],
         weights_key=keys["weights"], linear_key=keys["linear"], sizes_key=keys["sizes"], sentences=(),
-        citations=citations(("vehtari2024", "neal2011", "meng1996")),
+        citations=citations(("ching2007",) if s.route == "tmcmc" else ("vehtari2024", "neal2011", "meng1996")),
     )  # fmt: skip
     sentences = (*_sentences(record, off), *facts.remarks)
     return record.model_copy(update={"sentences": sentences, "alerts": tuple(limits_of(record))})
@@ -270,9 +273,18 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
     if record.bent:
         pairs = [f"{b.first} and {b.second}" for b in record.bent[:3]]
         yield f"Their joint distribution is bent: {listed(pairs)}."
+    if record.further:
+        best = record.further[0]
+        most = max(best.parameters, key=lambda p: p.sd / p.sd_after if p.sd_after else np.inf)
+        yield (
+            f"A test of {best.configuration}, {len(best.modes)} frequencies with errors of "
+            f"{100.0 * record.further_sd:.2g} %, is expected to bring {best.bits:.1f} bits; the standard deviation of "
+            f"{most.parameter} would fall from {most.sd:.2g} to {most.sd_after:.2g}."
+        )
+    weights = f"k̂ = {record.k_hat:.2f}" if record.drawn_from != "tmcmc" else f"after {record.stages} stages of TMCMC"
     yield (
-        f"{record.effective:.0f} of {record.draws} samples are effective, k̂ = {record.k_hat:.2f}; the logarithm of the "
-        f"evidence is {record.log_evidence:.2f} ± {record.log_evidence_sd:.2f}."
+        f"{record.effective:.0f} of {record.draws} samples are effective, {weights}; the logarithm of the evidence is "
+        f"{record.log_evidence:.2f} ± {record.log_evidence_sd:.2f}."
     )
 
 
@@ -318,8 +330,10 @@ def limits_of(record: PosteriorResults) -> Iterator[Alert]:
         )
     if record.paired_anew_percent > 100.0 * _MOST_ANEW:
         yield alert("warning", "posterior.paired-anew", percent=record.paired_anew_percent)
-    if record.r_hat > MIXED:
+    if record.r_hat is not None and record.r_hat > MIXED:
         yield alert("warning", "posterior.slow-chains", r_hat=record.r_hat)
+    if record.surrogate_error is not None and record.surrogate_error > GOOD_ERROR:
+        yield alert("warning", "posterior.rough", sd=record.surrogate_error)
     if record.effective < _FEWEST:
         yield alert("warning", "posterior.few-effective", effective=record.effective, draws=record.draws)
     if record.failed > _MOST_FAILED * (record.gradient_solutions + record.plain_solutions):

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _MOST_LISTED = 24
 """Parameters in the table and in the pictures; the others are in the results."""
+_MOST_FURTHER = 6
+"""Parameters in the table of further tests."""
 _MOST_PAIRS = 4
 """Bent pairs that are drawn."""
 
@@ -35,7 +37,8 @@ def posterior(source: ReportSource) -> list[Block]:
 def posterior_blocks(record: PosteriorResults) -> list[Block]:
     """Sentences and tables, for page and terminal."""
     errors = [model_error_table(record)] if record.model_errors else []
-    tables = [parameter_table(record), noise_table(record), *errors]
+    further = [further_table(record)] if record.further else []
+    tables = [parameter_table(record), noise_table(record), *errors, *further]
     return [Listing(record.sentences), Paragraph(_how(record)), *tables]
 
 
@@ -43,6 +46,9 @@ def _how(record: PosteriorResults) -> str:
     drawn = (
         "the linearised residuals" if record.drawn_from == "linear"
         else f"a surrogate of the residuals of degree {record.degree}"
+    )  # fmt: skip
+    drawn = f"drawn from {drawn}, R-hat {record.r_hat:.3f}, and weighted by" if record.r_hat is not None else (
+        f"drawn in {record.stages} stages of transitional Markov chain Monte Carlo on"
     )  # fmt: skip
     tried = f" Before: {'; '.join(record.tried)}." if record.tried else ""
     recalled = f", {record.recalled} of them from an earlier run" if record.recalled else ""
@@ -52,9 +58,9 @@ def _how(record: PosteriorResults) -> str:
     orders = ", ".join(map(str, record.reduced_orders))
     on = f" on reduced models of order {orders}" if orders else ""
     return (
-        f"{record.draws} samples (seed {record.seed}) drawn from {drawn}, R-hat {record.r_hat:.3f}, and weighted by "
-        f"the model{on}.{tried}{starts} {counted(record.gradient_solutions, 'solution')} with derivatives and "
-        f"{record.plain_solutions} without{recalled}, in {short(record.seconds)} s by {record.executor}."
+        f"{record.draws} samples (seed {record.seed}) {drawn} the model{on}.{tried}{starts} "
+        f"{counted(record.gradient_solutions, 'solution')} with derivatives and {record.plain_solutions} without"
+        f"{recalled}, in {short(record.seconds)} s by {record.executor}."
     )
 
 
@@ -116,6 +122,28 @@ def model_error_table(record: PosteriorResults) -> Table:
         "relative to 5 % of the mass of the model, supports to the largest plausible compliance."
     )
     return Table("Errors of the model", heads, rows, note)
+
+
+def further_table(record: PosteriorResults) -> Table:
+    """A line each configuration without a test, a column each parameter."""
+    names = [p.parameter for p in record.further[0].parameters][:_MOST_FURTHER]
+    heads = columns("Configuration", ">Frequencies", ">Bits", *(f">{name}" for name in names))
+    rows = tuple(
+        row(
+            f.configuration, str(len(f.modes)), f"{f.bits:.1f}",
+            *(f"{short(p.sd)} → {short(p.sd_after)}" for p in f.parameters[:_MOST_FURTHER]),
+        )
+        for f in record.further
+    )  # fmt: skip
+    left = len(record.further[0].parameters) - len(names)
+    note = (
+        "Configurations of the study without a test. Expected information, and standard deviation of each parameter "
+        f"now and after a test of these frequencies with errors of {100.0 * record.further_sd:.2g} %; the model has no "
+        "errors in that test."
+    )
+    if left:
+        note += f" And {counted(left, 'more parameter')} in the results."
+    return Table("What a further test would teach", heads, rows, note)
 
 
 def _pictures(source: ReportSource, record: PosteriorResults) -> list[Block]:

@@ -101,6 +101,30 @@ class OtherRegion(Record):
     """Number of starts that ended there."""
 
 
+class FurtherParameter(Record):
+    """What a further test is expected to leave of the standard deviation of a parameter, in its unit."""
+
+    parameter: str
+    """Name of the parameter."""
+    sd: float
+    """Standard deviation of the samples at which the test was predicted."""
+    sd_after: float
+    """Expected standard deviation with the further test."""
+
+
+class FurtherTest(Record):
+    """A configuration without a test, and what a test of its frequencies is expected to teach."""
+
+    configuration: str
+    """Name of the configuration."""
+    modes: tuple[int, ...]
+    """Numbers of the modes whose frequencies would be measured."""
+    bits: float
+    """Expected information about the parameters, bits."""
+    parameters: tuple[FurtherParameter, ...]
+    """The sampled parameters."""
+
+
 class PosteriorResults(Record):
     """Samples of the distribution of the parameters after the test."""
 
@@ -123,18 +147,20 @@ class PosteriorResults(Record):
     effective: float
     """Effective number of independent samples, 1/Σw²."""
     k_hat: float
-    """Shape k̂ of the tail of the weights; below 0.7 averages can be trusted."""
+    """Shape k̂ of the tail of the weights; below 0.7 averages can be trusted. 0 for equal weights."""
     drawn_from: Route
-    """What the samples were drawn from: linearised residuals, or a surrogate of the residuals."""
+    """What the samples were drawn from: linearised residuals, a surrogate of the residuals, or TMCMC on the model."""
     degree: int
-    """Degree of the polynomials that the residuals were drawn from; 1 for linearised residuals."""
-    surrogate_error: float
-    """Standard deviation of the logarithm of the weights."""
-    r_hat: float
-    """R-hat of the chains on what was drawn from; below 1.01 they have forgotten where they began."""
-    displacement: float
+    """Degree of the polynomials that the residuals were drawn from; 1 for linearised residuals, 0 for TMCMC."""
+    surrogate_error: float | None
+    """Standard deviation of the logarithm of the weights; None for TMCMC."""
+    r_hat: float | None
+    """R-hat of the chains on what was drawn from; below 1.01 they have forgotten where they began. None for TMCMC."""
+    displacement: float | None
     """Mean square distance of samples half a run apart over twice the variance, of the slowest parameter; 1 for chains
-    that move."""
+    that move. None for TMCMC."""
+    stages: int = 0
+    """Stages of TMCMC; 0 for other ways."""
     log_evidence: float
     """Logarithm of the evidence: likelihood integrated over the prior. It compares sets of parameters with the same
     residuals and the same rule for the errors."""
@@ -166,6 +192,10 @@ class PosteriorResults(Record):
     """Regions outside the samples that explain the data about as well."""
     starts: int = 0
     """Number of updates from other points that looked for such regions."""
+    further_sd: float = 0.005
+    """Standard deviation of the errors of a frequency in further tests, relative."""
+    further: tuple[FurtherTest, ...] = ()
+    """Configurations without a test, the one that would teach most first."""
     linear_enough: bool = True
     """True if the intervals of linearised residuals agree with those of the samples."""
     tried: tuple[str, ...] = ()

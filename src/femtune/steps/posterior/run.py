@@ -27,6 +27,7 @@ from femtune.sampling import (
     far_from,
 )
 from femtune.steps.posterior.facts import OutsideOptimum, SampledFacts, posterior_results
+from femtune.steps.posterior.further import further_tests
 from femtune.steps.posterior.model_errors import model_errors, none_of
 from femtune.steps.posterior.problem import at_result, likelihood_of, sampler_of, solving_of, without_likelihood
 from femtune.steps.run_folder import unwritable
@@ -103,16 +104,17 @@ def posterior_at(
             progress.step("posterior: effects of errors of the model", 0, None)
             errors = model_errors(study, result, solving)
         likelihood = likelihood_of(solving, result, table.noise, errors)
-        rules = SamplingRules(table.draws, table.seed, table.gradients)
+        rules = SamplingRules(table.draws, table.seed, table.gradients, sampling=table.sampling)
         samples = sampler_of(solving, likelihood, rules, solutions, solutions.tell).run()
         starts, regions = _other_regions(study, update, problem, solving, samples, likelihood, table, progress)
         orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
         error = None if reduced is None else _full_error(full, result, samples, likelihood, progress)
+        further = further_tests(study, samples, result.x, solving.moving, table.further_sd, progress)
     facts = SampledFacts(
         table=table, result=result, moving=solving.moving, samples=samples, likelihood=likelihood,
         anew=np.array([solutions.anew(x) for x in samples.x]), recalled=solutions.recalled,
         seconds=time.monotonic() - begun, executor=executor.words, starts=starts, regions=regions,
-        errors=errors, left_out=_left_out(solving), reduced_orders=orders, full_error=error,
+        errors=errors, left_out=_left_out(solving), reduced_orders=orders, full_error=error, further=further,
         remarks=tuple(n.what for n in solutions.remarks),
     )  # fmt: skip
     return posterior_results(facts, arrays)

@@ -1,0 +1,100 @@
+"""What further tests would teach: configurations of the study that have no test yet.
+
+The parameters are distributed as their samples x, and the model gives the frequencies f of such a configuration at
+each. With the covariance C of y = log f over the samples, and errors of standard deviation σ, a test of all these
+frequencies is expected to bring ½ log₂|I + C/σ²| bits, and leaves the parameters the variance Var(x) − cov(x, y)
+(C + σ²I)⁻¹ cov(y, x), as if samples and frequencies were normal together.
+
+Source: D. V. Lindley, On a measure of the information provided by an experiment, Annals of Mathematical Statistics 27,
+1956.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.errors import FemtuneError
+from femtune.steps.posterior.record import FurtherParameter, FurtherTest
+from femtune.study.executor import executor_of
+from femtune.study.model_runs import FrequencyRuns, followed_modes, runs_at
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from femtune.arrays import Integers, Reals
+    from femtune.parameters import ParameterSet
+    from femtune.sampling import PosteriorSamples
+    from femtune.study.cases import StudyCase
+    from femtune.study.progress import Progress
+    from femtune.study.study import Study
+
+_SAMPLES = 200
+"""Samples at which the frequencies are solved: a standard deviation is then known to a twentieth."""
+_LEAST_MAC = 0.5
+"""MAC with the shape at the result below which a mode is not followed: a test could not tell which one it is."""
+
+
+def further_tests(
+    study: Study, samples: PosteriorSamples, x: Reals, moving: Integers, sd: float, progress: Progress
+) -> tuple[FurtherTest, ...]:
+    """Each configuration without a test, the one that would tell most first.
+
+    Parameters
+    ----------
+    x : (n,) normalised parameters at the result
+    moving : positions of those that are sampled
+    sd : standard deviation of the errors of a frequency, relative
+    """
+    cases = [case for case in study.cases if case.entry.test is None]
+    if not cases:
+        return ()
+    rng = np.random.default_rng(0)
+    chosen = rng.choice(len(samples.x), _SAMPLES, p=samples.weights.values)
+    points = np.tile(x, (_SAMPLES, 1))
+    points[:, moving] = samples.x[chosen]
+    found = (_of(study, case, points, moving, sd, progress) for case in cases)
+    return tuple(sorted((one for one in found if one is not None), key=lambda one: -one.bits))
+
+
+def _of(
+    study: Study, case: StudyCase, points: Reals, moving: Integers, sd: float, progress: Progress
+) -> FurtherTest | None:
+    """None where the model has no elastic modes, or cannot be solved at the samples."""
+    try:
+        followed = followed_modes(study, case)
+    except FemtuneError:
+        return None
+    every, where = np.unique(points, axis=0, return_inverse=True)
+    runs = runs_at(
+        FrequencyRuns((followed,)), list(every), executor_of(study), progress, f"posterior: modes of {case.name}"
+    )
+    good = np.array([not run.problem for run in runs])[where]
+    if good.mean() < 0.5:
+        return None
+    hz = np.array([run.values for run in runs])[where][good]
+    kept = np.array([run.mac for run in runs])[where][good].min(axis=0) >= _LEAST_MAC
+    if not kept.any():
+        return None
+    y = np.log(hz[:, kept])
+    y -= y.mean(axis=0)
+    C = y.T @ y / len(y) + sd**2 * np.eye(y.shape[1])
+    bits = 0.5 * (np.linalg.slogdet(C)[1] / np.log(2.0) - 2.0 * y.shape[1] * np.log2(sd))
+    return FurtherTest(
+        configuration=case.name, modes=tuple(followed.numbers[kept].tolist()), bits=max(float(bits), 0.0),
+        parameters=tuple(_parameters(study.parameters, points[good], moving, y, C)),
+    )  # fmt: skip
+
+
+def _parameters(parameters: ParameterSet, x: Reals, moving: Integers, y: Reals, C: Reals) -> Iterator[FurtherParameter]:
+    values = np.asarray(parameters.denormalise(x))[:, moving]
+    off = values - values.mean(axis=0)
+    cross = off.T @ y / len(y)
+    before = np.mean(off**2, axis=0)
+    taught = np.einsum("ij,ij->i", cross, np.linalg.solve(C, cross.T).T)
+    for i, j in enumerate(moving):
+        yield FurtherParameter(
+            parameter=parameters.free[j].name, sd=float(np.sqrt(before[i])),
+            sd_after=float(np.sqrt(max(before[i] - taught[i], 0.0))),
+        )  # fmt: skip
