@@ -10,7 +10,7 @@ import pytest
 from femtune.model.live import LiveModel, live_model, second_basis, separated_terms
 from femtune.model.reduce import ReducedModel, reduce_model
 from femtune.residuals import CaseState
-from femtune.steps.live.certificate import Certified, FirstModel, FullModel, frequency_error
+from femtune.steps.live.certificate import CertifiedLive, FirstModel, FullModel, frequency_error
 from femtune.steps.live.residuals import PagePart
 from femtune.study.study import load_study
 
@@ -31,12 +31,12 @@ class _Made:
     live: LiveModel
     rows: np.ndarray
 
-    def certified(self, live: LiveModel | None = None, rows: np.ndarray | None = None) -> Certified:
+    def certified(self, live: LiveModel | None = None, rows: np.ndarray | None = None) -> CertifiedLive:
         """A live model, its own one where none is given, with the residuals of the frequencies of the pairs."""
         parts = [
             PagePart("frequency", "frequency", "eigenvalue", i, 0.01) for tests, _ in self.state.groups for i in tests
         ]
-        return Certified(live or self.live, (self.rows if rows is None else rows) @ self.vectors, self.state, parts)
+        return CertifiedLive(live or self.live, (self.rows if rows is None else rows) @ self.vectors, self.state, parts)
 
     @property
     def other(self) -> FirstModel:

@@ -39,6 +39,9 @@ def test_a_run_with_a_posterior(bench: Bench) -> None:
     page = run.report.read_text(encoding="utf-8") if run.report else ""
     assert "Posterior distribution" in page
     assert "Distribution of the parameters: filled the samples" in page
+    # the table of the update says where the sampled intervals are
+    assert "The study has a sampled distribution of the parameters" in page
+    assert "times as wide as those of the update" in page
     # an interrupted run solves what is missing, with the same result
     file = run.folder / POSTERIOR_FILE
     lines = file.read_bytes().splitlines(keepends=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 import femtune as ft
 from femtune.errors import FemtuneError
@@ -66,6 +67,50 @@ def _study(bench: Bench, more: str = "", repeats: str = '"repeats.csv"', head: s
 def assert_near(found: QuantifyResults, factors: np.ndarray, rtol: float) -> None:
     np.testing.assert_allclose([p.mean for p in found.parameters], factors.mean(axis=0), rtol=rtol)
     np.testing.assert_allclose([p.sd for p in found.parameters], factors.std(axis=0, ddof=1), rtol=20 * rtol)
+
+
+@pytest.mark.slow
+def test_the_population_has_intervals(repeated: tuple[Bench, np.ndarray, np.ndarray]) -> None:
+    bench, factors, hz = repeated
+    noisy = hz * (1.0 + 0.002 * np.random.default_rng(1).standard_normal(hz.shape))
+    _table(bench, noisy)
+    result = ft.quantify(_study(bench, "noise_sd = 0.002\npopulation = true\n"))
+    population = result.record.population
+    assert population is not None
+    assert population.ok
+    assert [p.parameter for p in population.parameters] == ["root", "tip"]
+    for p, mean, sd in zip(population.parameters, factors.mean(axis=0), factors.std(axis=0, ddof=1)):
+        assert p.mean_interval_95[0] < mean < p.mean_interval_95[1]
+        assert p.sd_interval_95[0] < sd < p.sd_interval_95[1]
+        # a further structure is as far off as its spread
+        width = p.new_interval_95[1] - p.new_interval_95[0]
+        assert 3.0 * sd < width < 8.0 * sd
+    middle, spread = result.arrays[population.individual_key]
+    assert middle.shape == factors.shape
+    assert np.mean(np.abs(middle - factors) < 2.5 * spread) > 0.9
+    (pair,) = population.correlations
+    assert pair.interval_95[0] < np.corrcoef(factors.T)[0, 1] < pair.interval_95[1]
+    tables = [b.title for b in variability_blocks(result.record) if hasattr(b, "title")]
+    assert "Population with its uncertainty" in tables
+
+
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        ("quantify.population, noise", "population = true\n"),
+        ("quantify.population", "noise_sd = 0.002\npopulation = true\nhold_out = 0.75\n"),
+    ],
+)
+def test_a_population_that_cannot_be_sampled(
+    repeated: tuple[Bench, np.ndarray, np.ndarray], monkeypatch: pytest.MonkeyPatch, name: str, more: str
+) -> None:
+    bench, _, hz = repeated
+    _table(bench, hz)
+    _study(bench, more)
+    monkeypatch.chdir(bench.folder)
+    with pytest.raises(FemtuneError) as caught:
+        ft.quantify(Path("study.toml"))
+    check_shown(name, caught.value)
 
 
 @pytest.mark.slow

@@ -29,7 +29,14 @@ if TYPE_CHECKING:
         ShapeOutputs,
         definite_signs,
         frequency_outputs,
+        second_derivatives,
         shape_outputs,
+    )
+    from femtune.uncertainty.population import (
+        MIXED_POPULATION,
+        PopulationRules,
+        PopulationSamples,
+        sample_population,
     )
     from femtune.uncertainty.repeat_checks import RepeatChecks, check_repeats
     from femtune.uncertainty.repeats import (
@@ -72,6 +79,7 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "MIXED_POPULATION",
     "Bootstrap",
     "BootstrapParameter",
     "BootstrapResult",
@@ -98,6 +106,8 @@ __all__ = [
     "OrderDependence",
     "OutputStatistics",
     "Outputs",
+    "PopulationRules",
+    "PopulationSamples",
     "QuadraticModel",
     "RepeatChecks",
     "RobustMoments",
@@ -129,6 +139,8 @@ __all__ = [
     "propagate",
     "quadratic_model",
     "robust_moments",
+    "sample_population",
+    "second_derivatives",
     "shape_outputs",
     "spread_of",
     "statistics_of_repeats",

@@ -54,6 +54,10 @@ class QuantifyTable(TomlTable):
     hold_out: Fraction | Annotated[tuple[RepeatNumber, ...], Field(min_length=1)] | None = None
     """Repeats that the update does not use and that [test its prediction](guide/stochastic.md#tests-of-the-repeats): a
     random fraction, or their numbers from 1. Example: `0.3`"""
+    population: bool = False
+    """Also sample the [population](guide/stochastic.md#uncertainty-of-the-population): mean, standard deviations and
+    correlations of the parameters with intervals, the parameters of each repeat, and of a further structure. Requires
+    `noise_sd`. Example: `true`"""
     shapes: bool = False
     """The shapes of the repeats are outputs beside their frequencies; repeats are Universal Files. Example: `true`"""
     intervals: bool = False

@@ -140,7 +140,7 @@ _Motions = dict[int, tuple[float, "Reals"]]
 
 
 @dataclass(frozen=True, eq=False)
-class Certified:
+class CertifiedLive:
     """A live model that is held against others.
 
     Parameters

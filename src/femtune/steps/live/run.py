@@ -16,7 +16,14 @@ from femtune.model.live.basis import is_whole
 from femtune.model.live.matrices import solved
 from femtune.model.reduce import ReducedModel, reduce_model, reduced_modes
 from femtune.model.reduce.training import candidates
-from femtune.steps.live.certificate import MOST_ERROR, Certified, FirstModel, FullModel, elastic_groups, frequency_error
+from femtune.steps.live.certificate import (
+    MOST_ERROR,
+    CertifiedLive,
+    FirstModel,
+    FullModel,
+    elastic_groups,
+    frequency_error,
+)
 from femtune.steps.live.record import (
     LiveCertificate,
     LiveCheck,
@@ -452,7 +459,7 @@ class _Making:
         groups = elastic_groups(state, model)
         known = {i for tests, _ in groups for i in tests}
         parts = page_parts(self.result.after, self.result.after.states.index(state), residuals, known)
-        certified = Certified(model, sensors.astype(float), state, parts)
+        certified = CertifiedLive(model, sensors.astype(float), state, parts)
         region, bounds, region_full, bounds_full = self._certificates(certified, first, vectors, full)
         worst = max(c.frequency_percent for c in (region, bounds, region_full, bounds_full) if c is not None)
         if worst > MOST_PERCENT:
@@ -508,7 +515,7 @@ class _Making:
         )  # fmt: skip
 
     def _certificates(
-        self, certified: Certified, first: _First, vectors: Reals, full: Reals
+        self, certified: CertifiedLive, first: _First, vectors: Reals, full: Reals
     ) -> tuple[LiveCertificate | None, LiveCertificate, LiveCertificate | None, LiveCertificate | None]:
         """In the region and the ranges, beside the model that the live one is made of, and both beside the full one."""
         state, corners = certified.state, self._corners()

@@ -40,7 +40,7 @@ def variability_blocks(record: QuantifyResults) -> list[Block]:
     rest = [Listing(tuple(others))] if others else []
     return [
         Paragraph(first), *rest, Paragraph(_how(record)), parameter_table(record), output_table(record),
-        *entry_tables(record), *check_tables(record), *interval_blocks(record),
+        *entry_tables(record), *check_tables(record), *interval_blocks(record), *population_blocks(record),
     ]  # fmt: skip
 
 
@@ -134,6 +134,35 @@ def interval_blocks(record: QuantifyResults) -> list[Block]:
     return [Paragraph(box.sentence), *(tables if parameters else [])]
 
 
+def population_blocks(record: QuantifyResults) -> list[Block]:
+    """Means, standard deviations and correlations with intervals; none if the study does not request them."""
+    found = record.population
+    if found is None:
+        return []
+    heads = columns("Parameter", ">Mean", ">95 % from", ">to", ">σ", ">95 % from", ">to", ">Further structure", ">to")
+    rows = tuple(
+        row(
+            p.parameter, value(p.mean), *map(value, p.mean_interval_95), short(p.sd), *map(short, p.sd_interval_95),
+            *map(value, p.new_interval_95),
+        )
+        for p in found.parameters[:_MOST_LISTED]
+    )  # fmt: skip
+    note = (
+        "Samples of a normal distribution of the parameters over structures, whose own parameters are unknown too. The "
+        "last two columns contain a further structure with 95 % probability."
+    )
+    tables = [Table("Population with its uncertainty", heads, rows, note)]
+    pairs = tuple(
+        row(c.first, c.second, f"{c.correlation:.2f}", *(f"{end:.2f}" for end in c.interval_95))
+        for c in found.correlations[:_MOST_LISTED]
+    )
+    if pairs:
+        tables.append(
+            Table("Correlations over the population", columns("", "", ">Correlation", ">95 % from", ">to"), pairs)
+        )
+    return [Listing(found.sentences), *tables]
+
+
 def check_tables(record: QuantifyResults) -> list[Table]:
     """Order of the tests, outliers, prediction of held-out repeats; none in results of earlier versions."""
     rows = tuple(
@@ -194,5 +223,6 @@ def quantify_document(subject: Subject, record: QuantifyResults) -> Document:
         Section("outputs", "Forward check", (output_table(record), *entry_tables(record))),
         *(Section("checks", "Tests of the repeats", (table,)) for table in check_tables(record)),
         *([Section("intervals", "Intervals", tuple(interval_blocks(record)))] if record.intervals else []),
+        *([Section("population", "Population", tuple(population_blocks(record)))] if record.population else []),
     )
     return subject.document(first, level, sections)

@@ -127,6 +127,57 @@ class IntervalResults(Record):
     """One record a compared frequency; none if no box was found."""
 
 
+class PopulationParameter(Record):
+    """One parameter over the population, in its unit; 95 % intervals."""
+
+    parameter: str
+    """Name of the parameter."""
+    mean: float
+    """Mean of the population, median of the samples."""
+    mean_interval_95: tuple[float, float]
+    """Its interval."""
+    sd: float
+    """Standard deviation of single structures, median of the samples."""
+    sd_interval_95: tuple[float, float]
+    """Its interval."""
+    new_interval_95: tuple[float, float]
+    """Interval of the parameter of a further structure of this population."""
+
+
+class PopulationCorrelation(Record):
+    """Correlation of two parameters over the population."""
+
+    first: str
+    """Name of a parameter."""
+    second: str
+    """Name of the other one."""
+    correlation: float
+    """Median of the samples."""
+    interval_95: tuple[float, float]
+    """Its interval."""
+
+
+class PopulationResults(Record):
+    """The distribution of the parameters over nominally identical structures, with its uncertainty."""
+
+    parameters: tuple[PopulationParameter, ...]
+    """One record a free parameter."""
+    correlations: tuple[PopulationCorrelation, ...]
+    """One record a pair of parameters."""
+    repeats: int
+    """Number of repeats that it is made of."""
+    r_hat: float
+    """R-hat of the slowest of means and standard deviations; below 1.05 the chains have forgotten where they began."""
+    ok: bool
+    """True if R-hat is below this limit."""
+    sentences: tuple[str, ...]
+    """The result in sentences."""
+    individual_key: str
+    """Key of the parameters of each repeat: median and standard deviation, shape (2, repeats, parameters)."""
+    samples_key: str
+    """Key of samples of mean, standard deviation and a further structure, shape (3, samples, parameters)."""
+
+
 class QuantifyResults(Record):
     """Stochastic updating and its forward check."""
 
@@ -183,6 +234,8 @@ class QuantifyResults(Record):
     `entries`; None without shapes."""
     intervals: IntervalResults | None = None
     """Intervals of the parameters; None if the study does not request them."""
+    population: PopulationResults | None = None
+    """The population with its uncertainty; None if the study does not request it."""
     outliers: tuple[int, ...] = ()
     """Numbers of the outlying repeats, from 1 in the order of the tests."""
     held_out: tuple[int, ...] = ()

@@ -18,6 +18,7 @@ from femtune.model import digest
 from femtune.residuals import UpdateProblem
 from femtune.selection import cosine_distances
 from femtune.steps.quantify.parameter_intervals import parameter_intervals
+from femtune.steps.quantify.population import population_of
 from femtune.steps.quantify.record import (
     HELD_OUT,
     ORDER,
@@ -124,6 +125,8 @@ def check_quantify(study: Study, repeats: Repeats, x: Reals) -> None:
 
 
 def _prepared(study: Study, table: QuantifyTable, repeats: Repeats, start: Reals) -> _Prepared:
+    if table.population and table.noise_sd is None:
+        raise FemtuneError("quantify.population/noise")
     held = _held(table, len(repeats.hz))
     outputs = _outputs(study, repeats, start)
     used, rows = _compared_outputs(table, repeats, outputs, start)
@@ -172,8 +175,11 @@ def quantify_at(
             parameter_intervals(outputs, updated, rows[~held, : len(outputs.modes)]) if table.intervals else None
         )
         tested = _tested(rows, len(outputs.modes), held, check, updated)
+        population = None
+        if table.population:
+            population = population_of(used, updated, rows[~held], study.parameters, table.seed, arrays, progress)
     record = _record(study, table, repeats, check, tested, arrays)
-    return record.model_copy(update={"intervals": intervals})
+    return record.model_copy(update={"intervals": intervals, "population": population})
 
 
 @dataclass(frozen=True, eq=False)

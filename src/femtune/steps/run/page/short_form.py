@@ -21,7 +21,13 @@ from femtune.steps.judge.page import LEVELS
 from femtune.steps.report_source import versions
 from femtune.steps.run.page.summary import summary
 from femtune.steps.specimens.page import specimen_blocks
-from femtune.steps.update.page.parameters import derived_quantities, interval_ends, interval_remarks, physical_values
+from femtune.steps.update.page.parameters import (
+    derived_quantities,
+    interval_ends,
+    interval_remarks,
+    physical_values,
+    sampled_remarks,
+)
 from femtune.steps.update.page.starts import optima
 from femtune.steps.validate.page import deviation_table, untested_reasons, validation_verdicts
 
@@ -160,6 +166,7 @@ def _parameters(source: ReportSource) -> list[Block]:
     return [
         Table("", heads, tuple(rows), note),
         *interval_remarks(update.parameters),
+        *sampled_remarks(source.results.posterior),
         *physical_values(update.parameters, _MOST_PARAMETERS),
         *derived_quantities(update.derived),
     ]

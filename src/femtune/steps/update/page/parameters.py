@@ -12,6 +12,7 @@ from femtune.document.numbers import NONE, counted, listed, short, signed_percen
 
 if TYPE_CHECKING:
     from femtune.document.document import Block
+    from femtune.steps.posterior.record import PosteriorResults
     from femtune.steps.report_source import ReportSource
     from femtune.steps.update.record.update import DerivedResult, ParameterFacts, ParameterResult, PhysicalValue
 
@@ -71,6 +72,27 @@ def interval_remarks(parameters: Sequence[ParameterResult]) -> list[Block]:
     return [Paragraph(" ".join(said))] if said else []
 
 
+def sampled_remarks(posterior: PosteriorResults | None) -> list[Block]:
+    """Where the sampled intervals are, and how wide they are beside these; nothing without samples."""
+    if posterior is None:
+        return []
+    ratios = {
+        p.parameter: (p.interval_95[1] - p.interval_95[0]) / (p.update_interval_95[1] - p.update_interval_95[0])
+        for p in posterior.parameters
+        if p.update_interval_95 is not None and p.update_interval_95[1] > p.update_interval_95[0]
+    }
+    text = "The study has a sampled distribution of the parameters, see Posterior distribution."
+    if ratios:
+        least, most = min(ratios.values()), max(ratios, key=lambda name: ratios[name])
+        (one,) = (p for p in posterior.parameters if p.parameter == most)
+        wide = f"{least:.2g}" if len(ratios) == 1 else f"{least:.2g} to {ratios[most]:.2g}"
+        text += (
+            f" Its 95 % intervals are {wide} times as wide as those of the update; that of {most} is "
+            f"{interval_ends(one.interval_95)}."
+        )
+    return [Paragraph(text)]
+
+
 _CAPTION = (
     "Each line runs from the lower to the upper bound. Grey: prior ± one standard deviation about the nominal value. "
     "Blue: the updated value ± one standard deviation, and thin the 95 % interval. Orange square: at a bound, where no "
@@ -94,6 +116,7 @@ def parameters(source: ReportSource) -> list[Block]:
         *([_figure(rows)] if rows else []),
         _table(facts, results),
         *interval_remarks(update.parameters),
+        *sampled_remarks(source.results.posterior),
         *physical_values(update.parameters),
         *derived_quantities(update.derived),
     ]
