@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.special import chdtri
@@ -17,8 +18,8 @@ from femtune.arrays import Complexes, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.choice import Candidate
 from femtune.identification.in_place import allowed_distance, distance_from
-from femtune.identification.modal_fit import ModalFit
-from femtune.identification.near_band import gain
+from femtune.identification.modal_fit import NO_POLES, ModalFit
+from femtune.identification.near_band import APART, gain
 from femtune.identification.pole_table import PoleTable
 from femtune.identification.significance import stands_out
 
@@ -35,6 +36,14 @@ MOST_TRIALS = 8
 LEAST_WHITE = 0.7
 """Mean square of the fourth differences of the errors over 70 times their own, which is 1 for white noise. Errors of a
 model that does not hold change slowly from line to line: with 0.25 they were taken for modes."""
+LARGE = 1.5
+"""Mean square of the errors near a mode, over the noise of all lines, above which they are looked at: what two modes
+leave that are fitted as one is as narrow as they are. Over a few lines it cannot be told from noise by how it changes
+from line to line."""
+MOST_IN_PAIRS = 4
+"""Clusters that are tried two at once."""
+MOST_ROUNDS = 4
+"""Rounds of clusters that are tried, each beside the modes outside the band that are found beside those before."""
 KNOWN_DAMPING = 4.0
 """Standard deviations of the damping ratio above zero."""
 _LEAST_LINES = 16
@@ -42,7 +51,7 @@ _LEAST_LINES = 16
 _HALF_BANDS = 4.0
 """Half bandwidths on each side of a pole: the response of its mode is a quarter of the peak there."""
 _APART = 0.2
-"""Distance from the other poles in half bandwidths at least."""
+"""Distance from the other poles in half bandwidths at least; of the two parts of a cluster, `APART`."""
 
 Refit = Callable[[Complexes, Complexes], ModalFit]
 """The fit that starts from poles of modes and poles outside the band."""
@@ -67,36 +76,129 @@ def with_needed_modes(
     search : where it is given, a cluster may be two modes, and modes outside the band are looked for again beside modes
         that are added
     """
-    kept, now_fit, added = list(candidates), fit, []
-    for i in _tried(candidates):
-        chosen = [j for j, c in enumerate(kept) if c.chosen]
-        inside = np.flatnonzero(~now_fit.outside)
-        now = dict(zip((chosen[b] for b in now_fit.begun_at[inside]), now_fit.poles[inside]))
-        now[i] = complex(table.poles[kept[i].at])
-        try:
-            trial = refit(np.array([now[j] for j in sorted(now)]), now_fit.poles[now_fit.outside])
-        except (FemtuneError, np.linalg.LinAlgError):
-            continue
-        place = sorted(now).index(i)
-        end = complex(trial.poles[trial.begun_at == place][0])
-        away = distance_from(end, table.poles[kept[i].members])
-        # one that ends elsewhere says nothing about its cluster
-        if away <= allowed_distance(np.array(kept[i].damping_ratio)) and _explains(trial, now_fit, place):
-            now_fit = trial
-            added.append(i)
-            kept[i] = replace(kept[i], chosen=True, reason=f"{kept[i].reason}; the functions are noise only with it")
-    if not added and search is not None:
-        kept, now_fit, added = _with_divided(kept, now_fit, refit, search, line)
-    elif added and search is not None:
+    result = _with_needed(fit, candidates, table, refit, line, search, len(fit.poles))
+    if search is None or not fit.outside.any() or _is_noise(result[0], line):
+        return result
+    # poles outside the band may stand for modes in it, and explain so much that these are not wanted beside them
+    try:
+        alone = refit(np.array([table.poles[c.at] for c in candidates if c.chosen]), NO_POLES)
+    except (FemtuneError, np.linalg.LinAlgError):
+        return result
+    other = _with_needed(alone, candidates, table, refit, line, search, len(fit.poles))
+    return other if other[0] is not alone and _is_better(other[0], result[0]) else result
+
+
+def _with_needed(
+    fit: ModalFit,
+    candidates: Sequence[Candidate],
+    table: PoleTable,
+    refit: Refit,
+    line: Reals | None,
+    search: Search | None,
+    poles: int,
+) -> tuple[ModalFit, tuple[Candidate, ...]]:
+    """`with_needed_modes` from one fit; `poles` is the number of those that explain less."""
+    kept, now_fit, every = list(candidates), fit, list[int]()
+    firm: tuple[list[Candidate], ModalFit, list[int]] | None = None
+    for _ in range(MOST_ROUNDS):
+        after, trial, added, are_firm = _with_clusters(kept, now_fit, table, refit, line)
+        if not added:
+            break
+        if not are_firm and firm is None:
+            firm = kept, now_fit, every
+        kept, now_fit, every = after, trial, [*every, *added]
+        if search is None:
+            break
         # the modes outside of the band were looked for beside fewer modes, for which they may stand
-        again = search(now_fit.poles[~now_fit.outside][np.argsort(now_fit.begun_at[~now_fit.outside])])
-        now_fit = again if again.deviance < now_fit.deviance else now_fit
-    chosen = [j for j, c in enumerate(kept) if c.chosen]
-    ends = [now_fit.poles[now_fit.begun_at == chosen.index(i)][0] for i in added]
+        again = search(_inside(now_fit))
+        now_fit = again if _is_better(again, now_fit) else now_fit
+    if firm is not None:
+        # with no more poles than before, which leave noise only, they are not there to explain noise
+        if len(now_fit.poles) <= poles and _is_noise(now_fit, line):
+            return now_fit, tuple(kept)
+        if not all(_stands_out(now_fit, _place(kept, i)) for i in every):
+            kept, now_fit, every = firm
+    if not every and search is not None:
+        kept, now_fit, every = _with_divided(kept, now_fit, refit, search, line)
+    ends = [now_fit.poles[now_fit.begun_at == _place(kept, i)][0] for i in every]
     # one that hides others is no noise near it before these are there too
-    if not added or not all(_is_white(now_fit, _near(now_fit.measured.freq_hz, end), line) for end in ends):
+    if not every or not all(_is_white(now_fit, _near(now_fit.measured.freq_hz, end), line) for end in ends):
         return fit, tuple(candidates)
     return now_fit, tuple(kept)
+
+
+def _place(candidates: Sequence[Candidate], i: int) -> int:
+    """Position of a chosen candidate among those that are chosen."""
+    return sum(c.chosen for c in candidates[:i])
+
+
+def _with_clusters(
+    candidates: list[Candidate], fit: ModalFit, table: PoleTable, refit: Refit, line: Reals | None
+) -> tuple[list[Candidate], ModalFit, list[int], bool]:
+    """With the clusters that explain more than chance and stand out of the noise, one after the other: these are firm.
+
+    If there are none and the fit leaves more than noise, with the one or two that explain most: beside what is missing
+    none may stand out, and of two that are both missing each alone moves to where it stands for both.
+    """
+    kept, now_fit, added = candidates, fit, list[int]()
+    tried = _tried(candidates)
+    for i in tried:
+        trial = _with_these(kept, now_fit, (i,), table, refit)
+        if trial is not None and _stands_out(trial, _place(kept, i)):
+            kept, now_fit, added = _taken(kept, (i,)), trial, [*added, i]
+    if added or _is_noise(fit, line):
+        return kept, now_fit, added, True
+    groups = [*((i,) for i in tried), *combinations(tried[:MOST_IN_PAIRS], 2)]
+    trials = [(trial, g) for g in groups if (trial := _with_these(kept, fit, g, table, refit)) is not None]
+    if not trials:
+        return kept, fit, [], True
+    best, group = min(trials, key=lambda one: one[0].deviance)
+    return _taken(kept, group), best, list(group), False
+
+
+def _taken(candidates: Sequence[Candidate], these: tuple[int, ...]) -> list[Candidate]:
+    kept = list(candidates)
+    for i in these:
+        kept[i] = replace(kept[i], chosen=True, reason=f"{kept[i].reason}; the functions are noise only with it")
+    return kept
+
+
+def _with_these(
+    candidates: Sequence[Candidate], fit: ModalFit, these: tuple[int, ...], table: PoleTable, refit: Refit
+) -> ModalFit | None:
+    """The fit with further clusters; None if one of them ends elsewhere, or explains no more than chance."""
+    chosen = [j for j, c in enumerate(candidates) if c.chosen]
+    inside = np.flatnonzero(~fit.outside)
+    now = dict(zip((chosen[b] for b in fit.begun_at[inside]), fit.poles[inside]))
+    now |= {i: complex(table.poles[candidates[i].at]) for i in these}
+    try:
+        trial = refit(np.array([now[j] for j in sorted(now)]), fit.poles[fit.outside])
+    except (FemtuneError, np.linalg.LinAlgError):
+        return None
+    for i in these:
+        place = sorted(now).index(i)
+        end = complex(trial.poles[trial.begun_at == place][0])
+        away = distance_from(end, table.poles[candidates[i].members])
+        # one that ends elsewhere says nothing about its cluster
+        if away > allowed_distance(np.array(candidates[i].damping_ratio)) or not _explains(trial, fit, place):
+            return None
+    return trial
+
+
+def _inside(fit: ModalFit) -> Complexes:
+    """Poles of the modes in the order in which they began."""
+    return np.asarray(fit.poles[~fit.outside][np.argsort(fit.begun_at[~fit.outside])])
+
+
+def _is_better(trial: ModalFit, fit: ModalFit) -> bool:
+    """Whether a fit explains more than another, beyond what chance explains with the poles that it has more."""
+    if not trial.converged:
+        return False
+    if len(trial.poles) < len(fit.poles):
+        return not _is_better(fit, trial)
+    n, u, _ = fit.measured.values.shape
+    more = len(trial.poles) - len(fit.poles)
+    return gain(trial, fit) > (float(chdtri(more * (2 + 2 * n * u), CHANCE)) if more else 0.0)
 
 
 def _with_divided(
@@ -109,11 +211,13 @@ def _with_divided(
     chosen = [j for j, c in enumerate(kept) if c.chosen]
     inside = np.flatnonzero(~fit.outside)
     near = {r: _near(fit.measured.freq_hz, fit.poles[r]) for r in inside.tolist()}
-    rough = sorted((r for r in near if not _is_white(fit, near[r], line)), key=lambda r: -_excess(fit, near[r], line))
+    large = {r: _excess(fit, near[r], line) for r in near}
+    rough = [r for r in near if not _is_white(fit, near[r], line) or large[r] > _most_excess(fit, near[r])]
+    rough.sort(key=lambda r: -large[r])
     best: tuple[ModalFit, int] | None = None
     for r in rough[:MOST_DIVIDED]:
         i = int(fit.begun_at[r])
-        start = fit.poles[~fit.outside][np.argsort(fit.begun_at[~fit.outside])]
+        start = _inside(fit)
         for part in PARTS:
             step = part * 1j * abs(fit.poles[r].real)
             poles = np.concatenate([start[:i], [start[i] - step, start[i] + step], start[i + 1 :]])
@@ -121,14 +225,22 @@ def _with_divided(
                 trial = refit(poles, fit.poles[fit.outside])
             except (FemtuneError, np.linalg.LinAlgError):
                 continue
-            if _explains(trial, fit, i) and _explains(trial, fit, i + 1):
+            parts = (i, i + 1)
+            if all(_explains(trial, fit, p, APART) and _stands_out(trial, p) for p in parts):
                 best = (trial, i) if best is None or trial.deviance < best[0].deviance else best
                 break
     if best is None:
         return kept, fit, []
     trial, j = best[0], chosen[best[1]]
+    r = int(np.flatnonzero(fit.begun_at == best[1])[0])
+    was_white = _is_white(fit, near[r], line)
     # modes outside the band may have stood for what is one more mode
-    fit = search(trial.poles[~trial.outside][np.argsort(trial.begun_at[~trial.outside])])
+    again = search(_inside(trial))
+    # errors that are large near a mode for another reason, as noise in proportion to the motion, are no second mode
+    large_still = _excess(again, near[r], line) > _most_excess(again, near[r])
+    if not again.converged or (was_white and large_still):
+        return kept, fit, []
+    fit = again
     reason = f"{kept[j].reason}; the functions are noise only with two modes here"
     first = replace(kept[j], reason=reason, divided=True)
     return [*kept[:j], first, replace(first, name=""), *kept[j + 1 :]], fit, [j, j + 1]
@@ -143,20 +255,24 @@ def _tried(candidates: Sequence[Candidate]) -> list[int]:
     return sorted(left, key=lambda i: -max(candidates[i].share.values()))[:MOST_TRIALS]
 
 
-def _explains(trial: ModalFit, fit: ModalFit, begun_at: int) -> bool:
+def _explains(trial: ModalFit, fit: ModalFit, begun_at: int, least_apart: float = _APART) -> bool:
     """Whether a further pole in the band, with a known damping, explains more than chance."""
     n, u, _ = trial.measured.values.shape
-    if not trial.converged or gain(trial, fit) <= float(chdtri(2 + 2 * n * u, CHANCE)):
+    more = max(len(trial.poles) - len(fit.poles), 1)
+    if not trial.converged or gain(trial, fit) <= float(chdtri(more * (2 + 2 * n * u), CHANCE)):
         return False
     r = int(np.flatnonzero(trial.begun_at == begun_at)[0])
     pole, others, lines = trial.poles[r], np.delete(trial.poles, r), trial.measured.freq_hz
     inside = bool(lines[0] <= abs(pole) / (2.0 * np.pi) <= lines[-1])
-    apart = bool(np.all(np.abs(others - pole) >= _APART * abs(pole.real)))
-    if not (inside and apart and _damping_is_known(trial, r)):
-        return False
-    # noise that is larger at the resonances makes poles of its own beside them
-    values = trial.measured.values - (0.0 if trial.ends is None else trial.ends[:, None])
-    return stands_out(replace(trial.measured, values=values), complex(pole), others)
+    apart = bool(np.all(np.abs(others - pole) >= least_apart * abs(pole.real)))
+    return inside and apart and _damping_is_known(trial, r)
+
+
+def _stands_out(fit: ModalFit, begun_at: int) -> bool:
+    """Whether a mode is none of the poles that noise, where it is larger at the resonances, makes beside them."""
+    r = int(np.flatnonzero(fit.begun_at == begun_at)[0])
+    values = fit.measured.values - (0.0 if fit.ends is None else fit.ends[:, None])
+    return stands_out(replace(fit.measured, values=values), complex(fit.poles[r]), np.delete(fit.poles, r))
 
 
 def _damping_is_known(fit: ModalFit, r: int) -> bool:
@@ -194,3 +310,21 @@ def _excess(fit: ModalFit, near: Integers, line: Reals | None) -> float:
     left = _left(fit, line)
     noise = np.maximum(_noise_power(left), np.finfo(float).tiny)
     return float(np.sum(np.sum(np.abs(left[:, :, near]) ** 2, axis=2) / noise) - noise.size * len(near))
+
+
+def _most_excess(fit: ModalFit, near: Integers) -> float:
+    """The excess above which the errors near a pole are larger than noise: by chance, and by `LARGE`."""
+    n, u, _ = fit.measured.values.shape
+    count = n * u * len(near)
+    return max((LARGE - 1.0) * count, 0.5 * float(chdtri(2 * count, CHANCE)) - count)
+
+
+def _is_noise(fit: ModalFit, line: Reals | None) -> bool:
+    """Whether what the fit leaves is as large everywhere as the noise in most places."""
+    left = _left(fit, line)
+    n, u, k = left.shape
+    width = 2 * _LEAST_LINES + 1
+    parts = [left[:, :, i : i + width] for i in range(0, max(k - width, 0) + 1, width)]
+    noise = np.maximum(np.median([_noise_power(part) for part in parts], axis=0), np.finfo(float).tiny)
+    limit = max(LARGE, 0.5 * float(chdtri(2 * n * u * width, CHANCE)) / (n * u * width))
+    return all(float(np.mean(np.mean(np.abs(part) ** 2, axis=2) / noise)) <= limit for part in parts)
