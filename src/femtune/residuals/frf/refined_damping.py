@@ -18,9 +18,9 @@ from femtune.model import EigenSolution, damping_by_mode
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.residuals.weights import ResidualBlock
 
-MOST = 8
-"""Modes on each side of the band, the nearest ones."""
-_FARTHEST = 3.0
+MOST = 40
+"""Modes on each side of the band, the nearest ones. Ratios of which the FRFs say nothing stay as they are."""
+_FARTHEST = 30.0
 """Factor on the ends of the band up to which modes are looked at."""
 _STEP = 0.05
 """Relative change of a ratio by which derivatives are found."""
