@@ -189,5 +189,6 @@ def test_the_information_of_one_frequency_in_closed_form(bench: Bench) -> None:
     (light,) = record.further
     (modulus,) = light.parameters
     ratio = len(light.modes) * (0.5 * modulus.sd) ** 2 / 0.02**2
-    assert light.bits == pytest.approx(0.5 * np.log2(1.0 + ratio), rel=0.05)
-    assert modulus.sd_after == pytest.approx(modulus.sd / np.sqrt(1.0 + ratio), rel=0.05)
+    # of 200 samples
+    assert light.bits == pytest.approx(0.5 * np.log2(1.0 + ratio), rel=0.15)
+    assert modulus.sd_after == pytest.approx(modulus.sd / np.sqrt(1.0 + ratio), rel=0.1)

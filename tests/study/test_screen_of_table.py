@@ -71,12 +71,16 @@ def test_a_constant_column_has_no_effects(tmp_path: Path) -> None:
     record = ft.screen(path, design="table", responses=["mass"]).record
     assert [e.contribution for e in record.effects if e.mode == 7] == [0.0] * 5
     assert record.modes[6].error_contribution == 0.0
+    (told,) = [a for a in record.alerts if a.code == "screen.constant"]
+    check_shown("screen.constant", f"[{told.code}] {told.sentence}")
 
 
 def test_runs_with_gaps_are_left_out(tmp_path: Path) -> None:
     text = '[screen]\ndesign = "table"\nresponses = ["rms_g"]\n'
     record = ft.screen(study(tmp_path, text, gap=True), report=tmp_path / "page.html").record
     assert [f.run for f in record.failed] == [5]
+    (told,) = [a for a in record.alerts if a.code == "screen.gaps"]
+    check_shown("screen.gaps", f"[{told.code}] {told.sentence}")
     assert record.error_freedom == 6
     assert "rms_g" in (tmp_path / "page.html").read_text(encoding="utf-8")
 

@@ -38,6 +38,35 @@ def test_one_parameter_is_that_of_numerical_integration() -> None:
     np.testing.assert_allclose(found.individual.mean(axis=0)[:, 0], expected, atol=0.06)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("missing", [0.0, 0.15])
+def test_chains_settle_where_errors_are_small_beside_the_curvature(missing: float) -> None:
+    """Each structure is linearised where its own data put it."""
+    rng = np.random.default_rng(4)
+    H = 0.5 * rng.standard_normal((4, 2, 2))
+    model = QuadraticModel(np.zeros(2), np.zeros(4), rng.standard_normal((4, 2)), 0.5 * (H + np.swapaxes(H, 1, 2)))
+    each = 0.06 * rng.standard_normal((12, 2))
+    z = np.array([model.values(theta) for theta in each]) + 0.001 * rng.standard_normal((12, 4))
+    z[rng.random(z.shape) < missing] = np.nan
+    found = sample_population(z, 1e-6 * np.eye(4), model, np.ones(2))
+    assert found.r_hat < 1.03
+    assert found.accepted > 0.9
+    np.testing.assert_allclose(np.median(found.sd, axis=0), each.std(axis=0, ddof=1), rtol=0.25)
+    known = np.isfinite(z).sum(axis=1) >= 3
+    np.testing.assert_allclose(np.median(found.individual, axis=0)[known], each[known], atol=0.01)
+    assert found.misfit < 2.0 * found.degrees
+
+
+def test_structures_that_the_parameters_do_not_explain_have_a_large_misfit() -> None:
+    rng = np.random.default_rng(5)
+    J = rng.standard_normal((4, 2))
+    z = 0.1 * rng.standard_normal((10, 2)) @ J.T + 0.05 * rng.standard_normal((10, 4))
+    rules = PopulationRules(chains=2, sweeps=400, most=400)
+    assert sample_population(z, 1e-6 * np.eye(4), linear(J), np.ones(2), rules).misfit > 1000.0
+    right = sample_population(z, 0.05**2 * np.eye(4), linear(J), np.ones(2), rules)
+    assert right.misfit < stats.chi2(right.degrees).ppf(0.999)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("k", "m", "noise", "curvature", "missing"),

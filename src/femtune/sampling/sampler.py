@@ -255,8 +255,9 @@ class Sampler:
         if not end.ended or end.effective < _FEWEST_OF_CHAINS:
             raise self._not_sampled(
                 f"after {end.stages} stages of TMCMC with {self.rules.draws} samples {end.effective:.0f} are "
-                f"independent of each other, and {_FEWEST_OF_CHAINS:.0f} are needed; increase draws, or leave sampling "
-                "at its default"
+                f"independent of each other, and {_FEWEST_OF_CHAINS:.0f} are needed; about "
+                f"{_FEWEST_OF_CHAINS * self.rules.draws / max(end.effective, 1.0):.1g} draws would do, or the default "
+                "of sampling, which takes fewer solutions"
             )
         x = self.box.inside(end.z[:, :k])
         n = len(x)

@@ -196,7 +196,9 @@ _SAME_EXTREMES = 1e-8
 """Relative difference of measured and computed extremes that is convergence as well."""
 _SLOPELESS = 1e-6
 """Singular value of the slopes relative to the largest, below which a combination of ends has no effect."""
-_ASIDE = 1e-2
+_FIRST_ORDER = 1e-2
+"""Part of the largest change of first order below which a change is of second order."""
+_ASIDE = 1e-3
 """By which such a combination is moved to see whether it has one, in widths of the first box."""
 _NARROWEST = 1e-9
 """Width of an interval relative to its upper bound, below which rounding decides its sign."""
@@ -249,9 +251,11 @@ def interval_update(
                 for moved in _without_slope(rows, ends, np.tile(scale, 2))
             ]
             cost += sum(one.solutions for one in tried)
-            # equal frequencies have no derivatives: whether an end matters is then seen from a box that differs
-            still = [np.abs(_extrema(one) - _extrema(bounds)) <= _SAME_EXTREMES * np.abs(target) for one in tried]
-            open_ = any(map(np.all, still))
+            # equal frequencies have no derivatives: whether an end matters is then seen from a box that differs, by
+            # changes of first order in its distance
+            least = _FIRST_ORDER * _ASIDE * np.linalg.norm(rows, 2) * np.abs(target)
+            still = [np.abs(_extrema(one) - _extrema(bounds)) <= least for one in tried]
+            open_ = len(target) < 2 * k or any(map(np.all, still))
             status = StochasticStatus.UNDETERMINED if open_ else StochasticStatus.CONVERGED
             break
         ends = _apart(ends + d, k)

@@ -26,6 +26,8 @@ from femtune.uncertainty.stochastic import QuadraticModel
 
 _DEGREES = 2.0
 """Degrees of freedom of the half-Student distributions: correlations are then uniform (Huang and Wand)."""
+_STEPS = 6
+"""Steps to the place where the outputs of a structure are linearised."""
 MIXED_POPULATION = 1.05
 """R-hat up to which chains have forgotten where they began."""
 
@@ -52,6 +54,8 @@ class PopulationSamples:
     individual : (n, p, k) parameters of each structure
     new : (n, k) parameters of a further structure
     r_hat : of the slowest of means and logarithms of standard deviations
+    misfit, degrees : sum of squares of the errors over their variances at the median of each structure, and its
+        expected value if the outputs are right
     accepted : part of the Metropolis steps that were accepted
     """
 
@@ -61,6 +65,8 @@ class PopulationSamples:
     individual: Reals
     new: Reals
     r_hat: float
+    misfit: float
+    degrees: float
     accepted: float
 
 
@@ -126,11 +132,13 @@ def sample_population(
     covariance = np.array([s.covariance for s in chosen])
     sd = np.sqrt(np.einsum("nii->ni", covariance))
     new = mean + np.einsum("nij,nj->ni", np.linalg.cholesky(covariance), rng.standard_normal(mean.shape))
+    each = np.array([s.each for s in chosen])
     return PopulationSamples(
         mean=model.theta + scale * mean, sd=scale * sd,
         correlation=covariance / (sd[:, :, None] * sd[:, None, :]),
-        individual=model.theta + scale * np.array([s.each for s in chosen]), new=model.theta + scale * new,
-        r_hat=r_hat, accepted=float(np.mean([s.accepted for s in last])),
+        individual=model.theta + scale * each, new=model.theta + scale * new,
+        r_hat=r_hat, misfit=gibbs.misfit(np.median(each, axis=0)),
+        degrees=float(np.isfinite(rows).sum() - p * k), accepted=float(np.mean([s.accepted for s in last])),
     )  # fmt: skip
 
 
@@ -154,13 +162,17 @@ class _Gibbs:
     weight : (p, m, m) inverse covariance of the errors of the outputs that were measured, zero for the others
     off : (p, m) measured outputs less those of the middle, zero where not measured
     J, H : (m, k) and (m, k, k) derivatives by the deviations
-    information, pull : (p, k, k) JᵀWJ and (p, k) JᵀW off
+    slopes, rest : (p, m, k) and (p, m) outputs of each structure linearised where its own data put it, off ≈ slopes·d
+        + errors + rest
+    information, pull : (p, k, k) slopesᵀW slopes and (p, k) slopesᵀW (off − rest)
     """
 
     weight: Reals
     off: Reals
     J: Reals
     H: Reals
+    slopes: Reals
+    rest: Reals
     information: Reals
     pull: Reals
 
@@ -174,15 +186,30 @@ class _Gibbs:
             weight[i][np.ix_(at, at)] = np.linalg.inv(noise[np.ix_(at, at)])
         J, H = model.G * scale, model.H * scale[:, None] * scale
         off = np.where(known, rows - model.z, 0.0)
-        of_J = weight @ J
-        return cls(weight, off, J, H, J.T @ of_J, np.einsum("pmk,pm->pk", of_J, off))
+        d = np.zeros((len(rows), len(scale)))
+        # with small errors a structure is far from the middle in their units: its outputs are linear where it is
+        for _ in range(_STEPS):
+            slopes = J + np.einsum("mab,pb->pma", H, d)
+            rest = 0.5 * np.einsum("mab,pa,pb->pm", H, d, d) - np.einsum("mab,pa,pb->pm", H, d, d)
+            of_slopes = weight @ slopes
+            information = np.swapaxes(slopes, 1, 2) @ of_slopes
+            pull = np.einsum("pmk,pm->pk", of_slopes, off - rest)
+            d = np.linalg.solve(information + np.eye(len(scale)), pull[:, :, None])[:, :, 0]
+        return cls(weight, off, J, H, slopes, rest, information, pull)
+
+    def misfit(self, each: Reals) -> float:
+        """Sum of squares of all errors, in their standard deviations, with quadratic outputs."""
+        left = self.off - each @ self.J.T - 0.5 * np.einsum("mab,pa,pb->pm", self.H, each, each)
+        return float(np.einsum("pm,pmn,pn->", left, self.weight, left))
 
     def start(self, rng: np.random.Generator) -> _State:
         """Structures by their own data with a wide distribution, and a covariance of random size."""
         p, k = self.pull.shape
         size = np.exp(rng.uniform(np.log(0.01), 0.0))
-        each = np.linalg.solve(self.information + np.eye(k) / size**2, self.pull[:, :, None])[:, :, 0]
-        each = each + 0.1 * size * rng.standard_normal((p, k))
+        # not farther from the data than their errors: a structure whose linear outputs lie far off would stay there
+        precision = self.information + np.eye(k) / size**2
+        drawn = np.linalg.solve(np.swapaxes(np.linalg.cholesky(precision), 1, 2), rng.standard_normal((p, k, 1)))
+        each = (np.linalg.solve(precision, self.pull[:, :, None]) + drawn)[:, :, 0]
         return _State(each, each.mean(axis=0), size**2 * np.eye(k), np.ones(k))
 
     def sweep(self, state: _State, rng: np.random.Generator) -> _State:
@@ -214,10 +241,10 @@ class _Gibbs:
 
     def _beyond_linear(self, each: Reals) -> Reals:
         """(p,) log likelihood with quadratic outputs less that with linear ones."""
-        linear = self.off - each @ self.J.T
-        bent = 0.5 * np.einsum("mab,pa,pb->pm", self.H, each, each)
-        both = 2.0 * linear - bent
-        return np.asarray(0.5 * np.einsum("pm,pmn,pn->p", both, self.weight, bent))
+        quadratic = self.off - each @ self.J.T - 0.5 * np.einsum("mab,pa,pb->pm", self.H, each, each)
+        linear = self.off - self.rest - np.einsum("pmk,pk->pm", self.slopes, each)
+        both, apart = quadratic + linear, quadratic - linear
+        return np.asarray(-0.5 * np.einsum("pm,pmn,pn->p", both, self.weight, apart))
 
     def _together(self, each: Reals, mean: Reals, rng: np.random.Generator) -> tuple[Reals, Reals]:
         """All structures and their mean moved by the same: given the deviations from the mean, the data tell it."""

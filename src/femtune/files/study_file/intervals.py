@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import isfinite
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -31,7 +32,7 @@ def interval_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtune
     limits = table(data, "intervals").get("limits_hz", ())
     before = (0.0, 0.0)
     for i, pair in enumerate(limits if isinstance(limits, list | tuple) else ()):
-        numbers = isinstance(pair, list | tuple) and all(isinstance(v, int | float) for v in pair)
+        numbers = isinstance(pair, list | tuple) and all(isinstance(v, int | float) and isfinite(v) for v in pair)
         if numbers and len(pair) == 2 and not pair[0] < pair[1]:
             yield source.error(("intervals", "limits_hz", i), "quantify.interval/limits", {"limits": list(pair)})
         elif numbers and len(pair) == 2:

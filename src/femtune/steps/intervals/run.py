@@ -173,7 +173,16 @@ def _box_of(study: Study, case: StudyCase, limits: Reals) -> IntervalResult:
         np.array([p.nominal - _FIRST_BOX * (p.nominal - p.lower) for p in free]),
         np.array([p.nominal + _FIRST_BOX * (p.upper - p.nominal) for p in free]),
     )
-    return interval_update(outputs, (limits[:, 0], limits[:, 1]), start, signs)
+    try:
+        return interval_update(outputs, (limits[:, 0], limits[:, 1]), start, signs)
+    except FemtuneError as error:
+        lower, upper = (np.array(error.values.get(key, ())) for key in ("lower", "upper"))
+        if error.code != "quantify.interval" or len(lower) != len(free):
+            raise
+        bounds = interval_bounds(outputs, np.array([p.lower for p in free]), np.array([p.upper for p in free]), signs)
+        reach = "; ".join(f"{low:.5g} to {high:.5g}" for low, high in zip(bounds.lower, bounds.upper))
+        names = ", ".join(p.name for p, low, high in zip(free, lower, upper) if high <= low)
+        raise FemtuneError("quantify.interval/no-box", names=names, reach=reach) from error
 
 
 def _rows(case: str, bounds: Bounds, limits: Reals) -> Iterator[PredictedInterval]:

@@ -52,14 +52,16 @@ def further_tests(
         return ()
     rng = np.random.default_rng(0)
     chosen = rng.choice(len(samples.x), _SAMPLES, p=samples.weights.values)
-    points = np.tile(x, (_SAMPLES, 1))
-    points[:, moving] = samples.x[chosen]
-    found = (_of(study, case, points, moving, sd, progress) for case in cases)
+    points = _complete(x, samples.x[chosen], moving)
+    values = np.asarray(study.parameters.denormalise(_complete(x, samples.x, moving)))[:, moving]
+    w = samples.weights.values
+    now = np.sqrt(w @ (values - w @ values) ** 2)
+    found = (_of(study, case, points, moving, sd, now, progress) for case in cases)
     return tuple(sorted((one for one in found if one is not None), key=lambda one: -one.bits))
 
 
 def _of(
-    study: Study, case: StudyCase, points: Reals, moving: Integers, sd: float, progress: Progress
+    study: Study, case: StudyCase, points: Reals, moving: Integers, sd: float, now: Reals, progress: Progress
 ) -> FurtherTest | None:
     """None where the model has no elastic modes, or cannot be solved at the samples."""
     try:
@@ -83,18 +85,26 @@ def _of(
     bits = 0.5 * (np.linalg.slogdet(C)[1] / np.log(2.0) - 2.0 * y.shape[1] * np.log2(sd))
     return FurtherTest(
         configuration=case.name, modes=tuple(followed.numbers[kept].tolist()), bits=max(float(bits), 0.0),
-        parameters=tuple(_parameters(study.parameters, points[good], moving, y, C)),
+        parameters=tuple(_parameters(study.parameters, points[good], moving, now, y, C)),
     )  # fmt: skip
 
 
-def _parameters(parameters: ParameterSet, x: Reals, moving: Integers, y: Reals, C: Reals) -> Iterator[FurtherParameter]:
+def _complete(x: Reals, sampled: Reals, moving: Integers) -> Reals:
+    points = np.tile(x, (len(sampled), 1))
+    points[:, moving] = sampled
+    return points
+
+
+def _parameters(
+    parameters: ParameterSet, x: Reals, moving: Integers, now: Reals, y: Reals, C: Reals
+) -> Iterator[FurtherParameter]:
     values = np.asarray(parameters.denormalise(x))[:, moving]
     off = values - values.mean(axis=0)
     cross = off.T @ y / len(y)
     before = np.mean(off**2, axis=0)
     taught = np.einsum("ij,ij->i", cross, np.linalg.solve(C, cross.T).T)
     for i, j in enumerate(moving):
+        left = np.sqrt(max(1.0 - taught[i] / before[i], 0.0)) if before[i] > 0.0 else 1.0
         yield FurtherParameter(
-            parameter=parameters.free[j].name, sd=float(np.sqrt(before[i])),
-            sd_after=float(np.sqrt(max(before[i] - taught[i], 0.0))),
+            parameter=parameters.free[j].name, sd=float(now[i]), sd_after=float(now[i] * left)
         )  # fmt: skip

@@ -107,7 +107,7 @@ class FurtherParameter(Record):
     parameter: str
     """Name of the parameter."""
     sd: float
-    """Standard deviation of the samples at which the test was predicted."""
+    """Standard deviation of the samples."""
     sd_after: float
     """Expected standard deviation with the further test."""
 

@@ -6,7 +6,9 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import chdtri
 
+from femtune.document.numbers import short
 from femtune.steps.quantify.record import PopulationCorrelation, PopulationParameter, PopulationResults
 from femtune.uncertainty import MIXED_POPULATION, PopulationRules, QuadraticModel, sample_population, second_derivatives
 from femtune.uncertainty.outputs import Counted
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 _STEP = 1e-3
 """Step of the differences of slopes, relative to half of the width between the bounds."""
 _ENDS = (0.025, 0.5, 0.975)
+_CHANCE = 0.01
+"""Probability of a sum of squares above which structures that fit are said not to."""
 _WIDE = 0.5
 """Upper over lower end of the interval of a standard deviation, as its logarithm, from which it is called vague."""
 
@@ -56,7 +60,8 @@ def population_of(
     records = tuple(_parameters(names, found))
     return PopulationResults(
         parameters=records, correlations=tuple(_correlations(names, found)), repeats=len(rows), r_hat=found.r_hat,
-        ok=found.r_hat <= MIXED_POPULATION, sentences=tuple(_sentences(records, found)),
+        misfit=found.misfit, degrees=found.degrees,
+        ok=found.r_hat <= MIXED_POPULATION and not _misfits(found), sentences=tuple(_sentences(records, found)),
         individual_key=keys["individual"], samples_key=keys["samples"],
     )  # fmt: skip
 
@@ -90,7 +95,14 @@ def _sentences(records: tuple[PopulationParameter, ...], found: PopulationSample
             f"than a factor of {np.exp(2.0 * _WIDE):.1f} apart. Measurement errors, or few repeats, leave it open."
         )
     if found.r_hat > MIXED_POPULATION:
+        yield f"The chains did not settle (R-hat {found.r_hat:.2f}): no interval of the population is reliable."
+    if _misfits(found):
         yield (
-            f"The chains did not settle (R-hat {found.r_hat:.2f}): intervals of standard deviations that are small "
-            "beside the measurement errors are not accurate."
+            f"The structures do not fit within the stated measurement errors (sum of squares {short(found.misfit)}, "
+            f"about {short(found.degrees)} expected): other parameters vary, or noise_sd is too small. The intervals "
+            "of the population do not hold."
         )
+
+
+def _misfits(found: PopulationSamples) -> bool:
+    return found.degrees > 0.0 and found.misfit > float(chdtri(found.degrees, _CHANCE))

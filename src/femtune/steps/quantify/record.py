@@ -168,8 +168,12 @@ class PopulationResults(Record):
     """Number of repeats that it is made of."""
     r_hat: float
     """R-hat of the slowest of means and standard deviations; below 1.05 the chains have forgotten where they began."""
+    misfit: float
+    """Sum of squares of the errors in their standard deviations, at the parameters of each repeat."""
+    degrees: float
+    """Its expected value, if the parameters explain the repeats within the measurement errors."""
     ok: bool
-    """True if R-hat is below this limit."""
+    """True if R-hat is below its limit, and the repeats fit within the measurement errors."""
     sentences: tuple[str, ...]
     """The result in sentences."""
     individual_key: str

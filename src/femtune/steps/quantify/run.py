@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.document.numbers import short
 from femtune.errors import FemtuneError
 from femtune.executor import Serial
 from femtune.journal.finished import FinishedRuns
@@ -599,7 +600,7 @@ def _of_noise(result: StochasticResult) -> list[str]:
     percent = _noise_percent(result.measured)
     if percent is None:
         return []
-    out = [f"Measurement errors are {percent:.2g} % of the measured variance, and were subtracted."]
+    out = [f"Measurement errors are {short(percent)} % of the measured variance, and were subtracted."]
     none = [n for n, sd, unit in zip(result.names, result.sd, result.start_sd) if sd <= _NO_VARIABILITY * unit]
     larger = np.flatnonzero(np.diag(result.measured.structural) <= 0.0)
     if larger.size:

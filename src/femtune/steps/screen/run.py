@@ -48,6 +48,8 @@ if TYPE_CHECKING:
 
 _LEAST_FOLLOWED_MAC = 0.5
 """MAC below which a mode is said to be lost: another mode may then resemble the original one as well."""
+_ROUNDING = 1e-13
+"""Range of a value relative to its size up to which it is rounding."""
 _MOST_NAMED = 6
 """Runs or modes that an alert lists, so that it stays one sentence."""
 
@@ -197,9 +199,11 @@ class _Finished:
         alerts = list(findings.alerts)
         if failed:
             listed = ", ".join(str(f.run) for f in failed[:_MOST_NAMED])
-            alerts.insert(
-                0, alert("warning", "screen.failed-runs", count=len(failed), runs=listed, reason=failed[0].reason)
-            )
+            alerts.insert(0, alert("warning", "screen.gaps", count=len(failed), of=len(self.values), runs=listed))
+        still = np.ptp(values, axis=0) <= _ROUNDING * np.abs(values).max(axis=0)
+        if still.any():
+            names = [label for label, none in zip(self.labels, still) if none]
+            alerts.append(alert("info", "screen.constant", names=", ".join(names[:_MOST_NAMED])))
         return ScreenResults(
             design=self.method.name, runs=len(self.values), failed=failed, error_freedom=findings.error_freedom,
             parameters=tuple(
