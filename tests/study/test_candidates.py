@@ -417,8 +417,11 @@ def test_a_linear_evidence_that_is_wrong_is_told(two: Bench) -> None:
     found = ft.candidates(study(two, SAMPLED + LISTED + THREE_LISTED, WIDE, sd=0.2))
     (doubt,) = [a for a in found.record.alerts if a.code == "candidates.linear-evidence"]
     assert "beside as one" in doubt.sentence or "beside initial values" in doubt.sentence
-    assert "for three (-1." in doubt.sentence
-    sentence = re.sub(r"\(-1\.\d\)", "(-1.3)", doubt.sentence)
+    assert re.search(r"three \(-1\.\d\)", doubt.sentence)
+    # others may be off by as much
+    sentence = re.sub(
+        r"beside .*, its", "beside initial values, its", re.sub(r"one for .*", "one for three (-1.3)", doubt.sentence)
+    )
     check_shown("candidates.linear-evidence", f"[{doubt.code}] {sentence}")
 
 

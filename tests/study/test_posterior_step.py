@@ -175,6 +175,19 @@ def test_what_a_further_test_would_teach_is_what_it_then_teaches(bench: Bench) -
 
 
 @pytest.mark.slow
+def test_further_tests_of_large_models_are_left_out_with_a_sentence(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.write("beam.bdf", bench.text)
+    bench.uff(measured(bench.truth(TRUE), count=6, configuration=Configuration(elements_off=frozenset({9}))))
+    monkeypatch.setattr("femtune.steps.posterior.further._MOST_DOFS", 10)
+    record = ft.posterior(bench.study(LOADED.format(test="") + EI + FEW.format(sd=0.01), test=None)).results.posterior
+    assert record is not None
+    assert record.further == ()
+    assert any("What a test of loaded, held would teach was not computed" in s for s in record.sentences)
+
+
+@pytest.mark.slow
 def test_the_information_of_one_frequency_in_closed_form(bench: Bench) -> None:
     """One stiffness of the whole beam: the logarithm of each frequency has half of its relative deviation."""
     bench.write("beam.bdf", bench.text)

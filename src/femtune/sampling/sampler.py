@@ -141,26 +141,6 @@ class PosteriorSamples:
     stages: int = 0
 
 
-@dataclass(eq=False)
-class _Solved:
-    """Residuals of the model at points, kept for those that stay in the population."""
-
-    model: ModelAtSamples
-    residuals: dict[bytes, Reals] = field(default_factory=dict)
-    count: int = 0
-    failed: int = 0
-
-    def __call__(self, x: Reals) -> list[Reals | None]:
-        out: list[Reals | None] = []
-        for point, known in zip(x, self.model(list(x), False), strict=True):
-            self.count += 1
-            self.failed += known is None
-            out.append(None if known is None else known.residuals)
-            if known is not None:
-                self.residuals[point.tobytes()] = known.residuals
-        return out
-
-
 @dataclass(frozen=True, eq=False)
 class _Drawn:
     """Samples of a surrogate."""
@@ -221,15 +201,16 @@ class Sampler:
         self.tried.append(self._words("the linearised residuals", linear, pilot if sample is None else self.known))
         try:
             return self._by_surrogate(linear)
-        except FemtuneError:
+        except FemtuneError as error:
             # what can be had without a surrogate, with the deviation that tells how rough it is
-            sample = sample or self._weighted(linear, linear, "linear", pilot)
-            if sample is None:
+            if error.code == "posterior.not-sampled" and sample is None:
+                sample = self._weighted(linear, linear, "linear", pilot)
+            if error.code != "posterior.not-sampled" or sample is None:
                 raise
             return replace(sample, tried=tuple(self.tried), gradients=self.gradients, plain=self.plain)
 
     def _transitional(self, linear: _Drawn) -> PosteriorSamples:
-        k, estimated, found = self.k, len(self.likelihood.estimated), _Solved(self.model)
+        k, estimated = self.k, len(self.likelihood.estimated)
         lower, upper = _SIZES
         theta = np.column_stack([
             *(self.rng.uniform(lower, upper, self.rules.draws) for _ in range(estimated)),
@@ -242,16 +223,18 @@ class Sampler:
             return np.asarray(np.where(inside, log_normal(z[:, :k]) + self.likelihood.prior(z[:, k:])[0], -np.inf))
 
         def log_likelihood(z: Reals) -> Reals:
-            x, log = self.box.inside(z[:, :k]), np.full(len(z), -np.inf)
-            solved = [(i, r) for i, r in enumerate(found(x)) if r is not None]
-            if solved:
-                rows = np.array([i for i, _ in solved])
-                log[rows] = self.likelihood.at(np.array([r for _, r in solved]), z[rows, k:])
+            log = np.full(len(z), -np.inf)
+            found = self.model(list(self.box.inside(z[:, :k])), False)
+            rows = np.array([i for i, one in enumerate(found) if one is not None], dtype=int)
+            self.plain, self.failed = self.plain + len(z), self.failed + len(z) - len(rows)
+            if len(rows):
+                log[rows] = self.likelihood.at(
+                    np.array([one.residuals for one in found if one is not None]), z[rows, k:]
+                )
             return log
 
         start = np.column_stack([self.rng.standard_normal((self.rules.draws, k)), theta])
         end = transitional(log_likelihood, log_prior, start, self.rng, lambda text: self.tell(f"TMCMC, {text}"))
-        self.plain, self.failed = found.count, found.failed
         if not end.ended or end.effective < _FEWEST_OF_CHAINS:
             raise self._not_sampled(
                 f"after {end.stages} stages of TMCMC with {self.rules.draws} samples {end.effective:.0f} are "
@@ -261,9 +244,11 @@ class Sampler:
             )
         x = self.box.inside(end.z[:, :k])
         n = len(x)
+        # solved before: of all that was solved these alone are kept
+        residuals = np.array([one.residuals for one in self.model(list(x), False) if one is not None])
         weights = SmoothedWeights(np.full(n, 1.0 / n), 0.0, end.effective, 0.0, end.log_evidence_sd)
         return PosteriorSamples(
-            x=x, theta=end.z[:, k:], residuals=np.array([found.residuals[point.tobytes()] for point in x]),
+            x=x, theta=end.z[:, k:], residuals=residuals,
             weights=weights, log_evidence=end.log_evidence + estimated * float(np.log(upper - lower)),
             log_evidence_sd=end.log_evidence_sd, route="tmcmc", degree=0, error=None, r_hat=None, displacement=None,
             linear=self.box.inside(linear.chain.flat[:, :k]), of_data=None, gradients=0, plain=self.plain,

@@ -32,14 +32,16 @@ if TYPE_CHECKING:
 
 _SAMPLES = 200
 """Samples at which the frequencies are solved: a standard deviation is then known to a twentieth."""
+_MOST_DOFS = 20_000
+"""Free DOFs up to which these solutions are made without being asked for: minutes."""
 _LEAST_MAC = 0.5
 """MAC with the shape at the result below which a mode is not followed: a test could not tell which one it is."""
 
 
 def further_tests(
     study: Study, samples: PosteriorSamples, x: Reals, moving: Integers, sd: float, progress: Progress
-) -> tuple[FurtherTest, ...]:
-    """Each configuration without a test, the one that would tell most first.
+) -> tuple[tuple[FurtherTest, ...], tuple[str, ...]]:
+    """Each configuration without a test, the one that would tell most first; and those left out, in sentences.
 
     Parameters
     ----------
@@ -47,9 +49,15 @@ def further_tests(
     moving : positions of those that are sampled
     sd : standard deviation of the errors of a frequency, relative
     """
-    cases = [case for case in study.cases if case.entry.test is None]
+    every = [case for case in study.cases if case.entry.test is None]
+    cases = [case for case in every if case.configured.n_free <= _MOST_DOFS]
+    large = [case.name for case in every if case not in cases]
+    remarks = (
+        f"What a test of {', '.join(large)} would teach was not computed: with more than {_MOST_DOFS:,} free DOFs "
+        f"{_SAMPLES} solutions take too long.",
+    ) * bool(large)
     if not cases:
-        return ()
+        return (), remarks
     rng = np.random.default_rng(0)
     chosen = rng.choice(len(samples.x), _SAMPLES, p=samples.weights.values)
     points = _complete(x, samples.x[chosen], moving)
@@ -57,7 +65,7 @@ def further_tests(
     w = samples.weights.values
     now = np.sqrt(w @ (values - w @ values) ** 2)
     found = (_of(study, case, points, moving, sd, now, progress) for case in cases)
-    return tuple(sorted((one for one in found if one is not None), key=lambda one: -one.bits))
+    return tuple(sorted((one for one in found if one is not None), key=lambda one: -one.bits)), remarks
 
 
 def _of(

@@ -109,13 +109,13 @@ def posterior_at(
         starts, regions = _other_regions(study, update, problem, solving, samples, likelihood, table, progress)
         orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
         error = None if reduced is None else _full_error(full, result, samples, likelihood, progress)
-        further = further_tests(study, samples, result.x, solving.moving, table.further_sd, progress)
+        further, not_predicted = further_tests(study, samples, result.x, solving.moving, table.further_sd, progress)
     facts = SampledFacts(
         table=table, result=result, moving=solving.moving, samples=samples, likelihood=likelihood,
         anew=np.array([solutions.anew(x) for x in samples.x]), recalled=solutions.recalled,
         seconds=time.monotonic() - begun, executor=executor.words, starts=starts, regions=regions,
         errors=errors, left_out=_left_out(solving), reduced_orders=orders, full_error=error, further=further,
-        remarks=tuple(n.what for n in solutions.remarks),
+        remarks=(*(n.what for n in solutions.remarks), *not_predicted),
     )  # fmt: skip
     return posterior_results(facts, arrays)
 
@@ -137,6 +137,7 @@ class _Solutions:
     file: FinishedRuns
     progress: Progress
     known: dict[str, SolvedSample] = field(default_factory=dict)
+    earlier: frozenset[str] = frozenset()
     recalled: int = 0
     remarks: list[Notice] = field(default_factory=list)
 
@@ -148,6 +149,7 @@ class _Solutions:
             raise unwritable(self.file.path.parent, error) from error
         from_journal = ((str(line.get("run")), _of_line(line)) for line in lines)
         self.known = {run: solved for run, solved in from_journal if solved is not None}
+        self.earlier = frozenset(self.known)
 
     def tell(self, text: str) -> None:
         """What is done."""
@@ -159,7 +161,7 @@ class _Solutions:
         known = {i: self.known[key] for i, key in enumerate(keys) if key in self.known}
         what = f"posterior: solutions with{'' if derivatives else 'out'} derivatives"
         done = len(known)
-        self.recalled += done
+        self.recalled += sum(key in self.earlier for key in keys)
         self.progress.step(what, done, len(keys))
 
         def keep(number: int, solved: SolvedSample) -> None:
