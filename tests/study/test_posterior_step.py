@@ -180,7 +180,7 @@ def test_further_tests_of_large_models_are_left_out_with_a_sentence(
 ) -> None:
     bench.write("beam.bdf", bench.text)
     bench.uff(measured(bench.truth(TRUE), count=6, configuration=Configuration(elements_off=frozenset({9}))))
-    monkeypatch.setattr("femtune.steps.posterior.further._MOST_DOFS", 10)
+    monkeypatch.setattr("femtune.steps.posterior.further.MOST_DOFS", 10)
     record = ft.posterior(bench.study(LOADED.format(test="") + EI + FEW.format(sd=0.01), test=None)).results.posterior
     assert record is not None
     assert record.further == ()

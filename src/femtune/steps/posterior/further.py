@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _SAMPLES = 200
 """Samples at which the frequencies are solved: a standard deviation is then known to a twentieth."""
-_MOST_DOFS = 20_000
+MOST_DOFS = 20_000
 """Free DOFs up to which these solutions are made without being asked for: minutes."""
 _LEAST_MAC = 0.5
 """MAC with the shape at the result below which a mode is not followed: a test could not tell which one it is."""
@@ -50,10 +50,10 @@ def further_tests(
     sd : standard deviation of the errors of a frequency, relative
     """
     every = [case for case in study.cases if case.entry.test is None]
-    cases = [case for case in every if case.configured.n_free <= _MOST_DOFS]
+    cases = [case for case in every if case.configured.n_free <= MOST_DOFS]
     large = [case.name for case in every if case not in cases]
     remarks = (
-        f"What a test of {', '.join(large)} would teach was not computed: with more than {_MOST_DOFS:,} free DOFs "
+        f"What a test of {', '.join(large)} would teach was not computed: with more than {MOST_DOFS:,} free DOFs "
         f"{_SAMPLES} solutions take too long.",
     ) * bool(large)
     if not cases:
