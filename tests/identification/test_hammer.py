@@ -225,16 +225,20 @@ def test_hits_at_several_points_in_files_of_their_own(tmp_path: Path) -> None:
 SLOW = np.array([0.004, 0.003, 0.002])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("hits", [[40], [40, 560]])
-def test_what_the_end_of_a_record_cuts_off_is_missing_in_no_result(hits: list[int], tmp_path: Path) -> None:
-    rng, force = np.random.default_rng(2), np.zeros(1000)
+def slowly_decaying(hits: list[int], samples: int, folder: Path) -> Path:
+    """A record of hits whose responses have not decayed at its end, with noise of force and responses."""
+    rng, force = np.random.default_rng(2), np.zeros(samples)
     for at in hits:
         force[at : at + 7] = 50.0 * np.hanning(7)
     y = response(force, SLOW)
-    noise = rng.standard_normal((3, 1000)) * np.array([[0.005], [1e-3 * y.std()], [1e-3 * y.std()]])
-    path = written(TimeSeries(np.vstack([force, y]) + noise, CHANNELS, RATE), tmp_path / "hit.csv")
-    made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0))
+    noise = rng.standard_normal((3, samples)) * np.array([[0.005], [1e-3 * y.std()], [1e-3 * y.std()]])
+    return written(TimeSeries(np.vstack([force, y]) + noise, CHANNELS, RATE), folder / "hits.csv")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hits", [[40], [40, 560]])
+def test_what_the_end_of_a_record_cuts_off_is_missing_in_no_result(hits: list[int], tmp_path: Path) -> None:
+    made = identify(slowly_decaying(hits, 1000, tmp_path), sampling_hz=RATE, band_hz=(10.0, 90.0))
     assert made.modes.damping_ratio is not None
     np.testing.assert_allclose(made.modes.freq_hz, FREQ, rtol=2e-4)
     np.testing.assert_allclose(made.modes.damping_ratio, SLOW, rtol=0.02)
@@ -259,13 +263,7 @@ def test_what_the_end_of_a_record_cuts_off_is_missing_in_no_result(hits: list[in
 
 @pytest.mark.slow
 def test_functions_of_hits_whose_responses_are_cut_are_said_to_be(tmp_path: Path) -> None:
-    rng, force = np.random.default_rng(2), np.zeros(2400)
-    for at in (40, 840, 1640):
-        force[at : at + 7] = 50.0 * np.hanning(7)
-    y = response(force, SLOW)
-    noise = rng.standard_normal((3, 2400)) * np.array([[0.005], [1e-3 * y.std()], [1e-3 * y.std()]])
-    path = written(TimeSeries(np.vstack([force, y]) + noise, CHANNELS, RATE), tmp_path / "hits.csv")
-    made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0))
+    made = identify(slowly_decaying([40, 840, 1640], 2400, tmp_path), sampling_hz=RATE, band_hz=(10.0, 90.0))
     # the modes are those of the whole record
     assert made.modes.damping_ratio is not None
     np.testing.assert_allclose(made.modes.freq_hz, FREQ, rtol=2e-4)

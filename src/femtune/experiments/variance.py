@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from femtune.arrays import Integers, Reals
+from femtune.arrays import Flags, Integers, Reals
 from femtune.errors import FemtuneError
 
 _EXACT = 1e-12
@@ -116,8 +116,7 @@ def main_effects(levels: Integers, responses: Reals) -> Effects:
         raise FemtuneError("screen.too-few-runs", runs=runs, needed=1 + freedom.sum())
     _check_separate(blocks, 1 + int(freedom.sum()))
     centred = responses - responses.mean(axis=0)
-    # what varies by rounding alone does not vary
-    centred[:, np.ptp(responses, axis=0) <= _ROUNDING * np.abs(responses).max(axis=0)] = 0.0
+    centred[:, constant_responses(responses)] = 0.0
     error = _residual_squares(blocks, centred)
     rest = [_residual_squares(blocks[:i] + blocks[i + 1 :], centred) for i in range(len(blocks))]
     means = tuple(block.T @ responses / block.sum(axis=0)[:, None] for block in blocks)
@@ -130,6 +129,11 @@ def main_effects(levels: Integers, responses: Reals) -> Effects:
         np.asarray(np.sum(centred**2, axis=0)),
         runs - 1 - int(freedom.sum()),
     )
+
+
+def constant_responses(responses: Reals) -> Flags:
+    """(m,) responses (runs, m) that vary by rounding alone."""
+    return np.asarray(np.ptp(responses, axis=0) <= _ROUNDING * np.abs(responses).max(axis=0))
 
 
 def _bad_rows(responses: Reals) -> Integers:

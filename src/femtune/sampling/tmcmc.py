@@ -27,7 +27,7 @@ _VARIATION = 1.0
 """Coefficient of variation of the weights of a stage (Ching and Chen)."""
 _STEP = 0.2
 """Standard deviation of a step over that of the population (Ching and Chen)."""
-MOST_STAGES = 200
+_MOST_STAGES = 200
 """Stages at most: 40 lead from a prior to a posterior that is 1e15 times as narrow."""
 
 
@@ -38,21 +38,17 @@ class TransitionalSamples:
     Parameters
     ----------
     z : (n, d)
-    log : (n,) log likelihood
     log_evidence, log_evidence_sd : logarithm of the mean likelihood over the prior, and its standard deviation
     effective : effective number of independent samples of the coordinate with the fewest
     stages : number of stages
-    accepted : part of the steps of the last stage that were accepted
     ended : whether the power one was reached
     """
 
     z: Reals
-    log: Reals
     log_evidence: float
     log_evidence_sd: float
     effective: float
     stages: int
-    accepted: float
     ended: bool
 
 
@@ -68,7 +64,6 @@ class _Population:
     log: Reals
     prior: Reals
     ancestor: Integers
-    accepted: float = 1.0
 
     @property
     def ancestors(self) -> float:
@@ -108,7 +103,7 @@ def transitional(
     n = len(start)
     population = _Population(start, log_likelihood(start), log_prior(start), np.arange(n))
     power, log_evidence, variance, stages = 0.0, 0.0, 0.0, 0
-    while power < 1.0 and stages < MOST_STAGES and np.isfinite(population.log).any():
+    while power < 1.0 and stages < _MOST_STAGES and np.isfinite(population.log).any():
         new = _next_power(population.log, power)
         weights, log_mean = _weights(population.log, new - power)
         log_evidence += log_mean
@@ -117,10 +112,8 @@ def transitional(
         tell(f"stage {stages}, likelihood to the power {power:.3g}")
         population = _moved(population, weights / weights.sum(), power, log_likelihood, log_prior, rng)
     effective = min(z.var() / max(population.mean_variance(z), 1e-300) for z in population.z.T)
-    return TransitionalSamples(
-        population.z, population.log, log_evidence, float(np.sqrt(variance)), float(effective), stages,
-        population.accepted, power >= 1.0,
-    )  # fmt: skip
+    deviation = float(np.sqrt(variance))
+    return TransitionalSamples(population.z, log_evidence, deviation, float(effective), stages, power >= 1.0)
 
 
 def _weights(log: Reals, change: float) -> tuple[Reals, float]:
@@ -138,7 +131,7 @@ def _next_power(log: Reals, power: float) -> float:
         return 1.0
     least = 1e-12 * (1.0 - power)
     if excess(least) >= 0.0:
-        # the likelihood is infinite in most of the population
+        # the likelihood is zero in most of the population
         return power + least
     return power + float(brentq(excess, least, 1.0 - power, xtol=1e-3 * least, rtol=1e-6))
 
@@ -157,7 +150,6 @@ def _moved(
     seeds = np.flatnonzero(counts)
     now, log, prior, length = z[seeds], population.log[seeds], population.prior[seeds], counts[seeds]
     parts: list[tuple[Reals, Reals, Reals, Integers]] = []
-    accepted = 0
     for step in range(int(length.max())):
         moving = np.flatnonzero(length > step)
         tried = now[moving] + rng.standard_normal((len(moving), z.shape[1])) @ root.T
@@ -171,7 +163,6 @@ def _moved(
         better = np.log(rng.random(len(moving))) < np.where(np.isfinite(log_there), gain, -np.inf)
         taken = moving[better]
         now[taken], log[taken], prior[taken] = tried[better], log_there[better], prior_there[better]
-        accepted += len(taken)
         parts.append((now[moving].copy(), log[moving].copy(), prior[moving].copy(), population.ancestor[seeds[moving]]))
     joined = [np.concatenate(part) for part in zip(*parts)]
-    return _Population(joined[0], joined[1], joined[2], joined[3], accepted / n)
+    return _Population(*joined)

@@ -196,10 +196,6 @@ _SAME_EXTREMES = 1e-8
 """Relative difference of measured and computed extremes that is convergence as well."""
 _SLOPELESS = 1e-6
 """Singular value of the slopes relative to the largest, below which a combination of ends has no effect."""
-_FIRST_ORDER = 1e-2
-"""Part of the largest change of first order below which a change is of second order."""
-_ASIDE = 1e-3
-"""By which such a combination is moved to see whether it has one, in widths of the first box."""
 _NARROWEST = 1e-9
 """Width of an interval relative to its upper bound, below which rounding decides its sign."""
 
@@ -246,31 +242,13 @@ def interval_update(
         d = np.tile(scale, 2) * np.linalg.lstsq(rows, error, rcond=1e-8)[0]
         # where two frequencies are equal at an end, its derivatives change from step to step
         if np.abs(d / np.tile(scale, 2)).max() <= _TOLERANCE or np.abs(error).max() <= _SAME_EXTREMES:
-            tried = [
-                interval_bounds(outputs, moved[:k], moved[k:], signs)
-                for moved in _without_slope(rows, ends, np.tile(scale, 2))
-            ]
-            cost += sum(one.solutions for one in tried)
-            # equal frequencies have no derivatives: whether an end matters is then seen from a box that differs, by
-            # changes of first order in its distance
-            least = _FIRST_ORDER * _ASIDE * np.linalg.norm(rows, 2) * np.abs(target)
-            still = [np.abs(_extrema(one) - _extrema(bounds)) <= least for one in tried]
-            open_ = len(target) < 2 * k or any(map(np.all, still))
-            status = StochasticStatus.UNDETERMINED if open_ else StochasticStatus.CONVERGED
+            determined = np.linalg.matrix_rank(rows, _SLOPELESS) == 2 * k
+            status = StochasticStatus.CONVERGED if determined else StochasticStatus.UNDETERMINED
             break
         ends = _apart(ends + d, k)
         bounds = interval_bounds(outputs, ends[:k], ends[k:], signs)
         cost += bounds.solutions
     return IntervalResult(ends[:k], ends[k:], bounds, status, cost)
-
-
-def _without_slope(rows: Reals, ends: Reals, scale: Reals) -> list[Reals]:
-    """Ends that differ by combinations which change no extremum to first order, to either side."""
-    _, sizes, axes = np.linalg.svd(rows)
-    rank = int(np.sum(sizes > _SLOPELESS * sizes.max(initial=0.0)))
-    moved = [ends + side * _ASIDE * scale * axis for axis in axes[rank:] for side in (1.0, -1.0)]
-    k = len(ends) // 2
-    return [one for one in moved if (one[:k] < one[k:]).all()]
 
 
 def _extrema(bounds: Bounds) -> Reals:

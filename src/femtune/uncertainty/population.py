@@ -10,7 +10,8 @@ the quadratic ones; μ and Σ given all θ_i; and a step that moves μ with all 
 
 Sources: A. Huang, M. P. Wand, Simple marginally noninformative prior distributions for covariance matrices, Bayesian
 Analysis 8, 2013; A. Gelman, J. B. Carlin, H. S. Stern, D. B. Dunson, A. Vehtari, D. B. Rubin, Bayesian Data Analysis,
-3rd ed., CRC Press 2014, chapters 5 and 11.
+3rd ed., CRC Press 2014, chapters 5 and 11; D. J. Spiegelhalter, N. G. Best, B. P. Carlin, A. van der Linde, Bayesian
+measures of model complexity and fit, Journal of the Royal Statistical Society B 64, 2002.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ class PopulationSamples:
     new : (n, k) parameters of a further structure
     r_hat : of the slowest of means and logarithms of standard deviations
     misfit, degrees : sum of squares of the errors over their variances at the median of each structure, and its
-        expected value if the outputs are right
+        expected value if the outputs are right: their number less the effective number of parameters (Spiegelhalter
+        and others 2002)
     accepted : part of the Metropolis steps that were accepted
     """
 
@@ -133,12 +135,15 @@ def sample_population(
     sd = np.sqrt(np.einsum("nii->ni", covariance))
     new = mean + np.einsum("nij,nj->ni", np.linalg.cholesky(covariance), rng.standard_normal(mean.shape))
     each = np.array([s.each for s in chosen])
+    misfit = gibbs.misfit(np.median(each, axis=0))
+    # what parameters take of it: as many as the data determine, fewer the more structures are drawn to their mean
+    taken = float(np.mean([gibbs.misfit(one) for one in each])) - misfit
     return PopulationSamples(
         mean=model.theta + scale * mean, sd=scale * sd,
         correlation=covariance / (sd[:, :, None] * sd[:, None, :]),
         individual=model.theta + scale * each, new=model.theta + scale * new,
-        r_hat=r_hat, misfit=gibbs.misfit(np.median(each, axis=0)),
-        degrees=float(np.isfinite(rows).sum() - p * k), accepted=float(np.mean([s.accepted for s in last])),
+        r_hat=r_hat, misfit=misfit, degrees=float(np.isfinite(rows).sum()) - taken,
+        accepted=float(np.mean([s.accepted for s in last])),
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from scipy.special import gammaln, logsumexp
 
 from femtune.errors import FemtuneError
 from femtune.sampling import (
+    GOOD_ERROR,
     Known,
     Likelihood,
     PosteriorSamples,
@@ -75,6 +76,10 @@ def sampled_evidence(problem: UpdateProblem, result: UpdateResult, rules: Sampli
         # with the factor fixed at one this evidence is of another kind than that of the other candidates
         raise FemtuneError("posterior.few-degrees", degrees=f"{sum(result.covariance.freedom.values()):.3g}")
     samples = sampler_of(solving, likelihood, rules, _Serial(solving)).run()
+    if samples.error is not None and samples.error > GOOD_ERROR:
+        # a part of the distribution may be missing, and with it a part of its integral
+        reason = f"{'; '.join(samples.tried)}; the logarithms of the weights deviate by {samples.error:.2g}"
+        raise FemtuneError("posterior.not-sampled", reason=reason)
     return SampledEvidence(
         samples.log_evidence + _of_priors(problem.parameters, solving.moving), samples.log_evidence_sd,
         samples.weights.effective, samples.weights.k_hat, tuple(_left_out(solving.at, samples, likelihood)),

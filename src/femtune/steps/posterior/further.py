@@ -34,6 +34,8 @@ _SAMPLES = 200
 """Samples at which the frequencies are solved: a standard deviation is then known to a twentieth."""
 MOST_DOFS = 20_000
 """Free DOFs up to which these solutions are made without being asked for: minutes."""
+_LEAST_SOLVED = 0.5
+"""Part of the samples at which the model must have a solution."""
 _LEAST_MAC = 0.5
 """MAC with the shape at the result below which a mode is not followed: a test could not tell which one it is."""
 
@@ -64,29 +66,32 @@ def further_tests(
     values = np.asarray(study.parameters.denormalise(_complete(x, samples.x, moving)))[:, moving]
     w = samples.weights.values
     now = np.sqrt(w @ (values - w @ values) ** 2)
-    found = (_of(study, case, points, moving, sd, now, progress) for case in cases)
-    return tuple(sorted((one for one in found if one is not None), key=lambda one: -one.bits)), remarks
+    found = {case.name: _of(study, case, points, moving, sd, now, progress) for case in cases}
+    failed = [f"{name} ({why})" for name, why in found.items() if isinstance(why, str)]
+    if failed:
+        remarks = (*remarks, f"What a further test would teach could not be computed: {'; '.join(failed)}.")
+    return tuple(sorted((f for f in found.values() if not isinstance(f, str)), key=lambda f: -f.bits)), remarks
 
 
 def _of(
     study: Study, case: StudyCase, points: Reals, moving: Integers, sd: float, now: Reals, progress: Progress
-) -> FurtherTest | None:
-    """None where the model has no elastic modes, or cannot be solved at the samples."""
+) -> FurtherTest | str:
+    """Why not, where the model has no elastic modes, or cannot be solved at the samples."""
     try:
         followed = followed_modes(study, case)
-    except FemtuneError:
-        return None
+    except FemtuneError as error:
+        return error.what
     every, where = np.unique(points, axis=0, return_inverse=True)
     runs = runs_at(
         FrequencyRuns((followed,)), list(every), executor_of(study), progress, f"posterior: modes of {case.name}"
     )
     good = np.array([not run.problem for run in runs])[where]
-    if good.mean() < 0.5:
-        return None
+    if good.mean() < _LEAST_SOLVED:
+        return f"the model could not be solved at {np.sum(~good)} of {_SAMPLES} samples"
     hz = np.array([run.values for run in runs])[where][good]
     kept = np.array([run.mac for run in runs])[where][good].min(axis=0) >= _LEAST_MAC
     if not kept.any():
-        return None
+        return "no mode could be followed through the samples"
     y = np.log(hz[:, kept])
     y -= y.mean(axis=0)
     C = y.T @ y / len(y) + sd**2 * np.eye(y.shape[1])

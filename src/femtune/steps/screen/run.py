@@ -11,6 +11,7 @@ import numpy as np
 
 from femtune.arrays import Flags, Reals
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.experiments.variance import constant_responses
 from femtune.files.runs_table import read_runs_table
 from femtune.files.study_file import with_screen
 from femtune.steps.held_folder import held_for_solver
@@ -48,8 +49,6 @@ if TYPE_CHECKING:
 
 _LEAST_FOLLOWED_MAC = 0.5
 """MAC below which a mode is said to be lost: another mode may then resemble the original one as well."""
-_ROUNDING = 1e-13
-"""Range of a value relative to its size up to which it is rounding."""
 _MOST_NAMED = 6
 """Runs or modes that an alert lists, so that it stays one sentence."""
 
@@ -200,7 +199,7 @@ class _Finished:
         if failed:
             listed = ", ".join(str(f.run) for f in failed[:_MOST_NAMED])
             alerts.insert(0, alert("warning", "screen.gaps", count=len(failed), of=len(self.values), runs=listed))
-        still = np.ptp(values, axis=0) <= _ROUNDING * np.abs(values).max(axis=0)
+        still = constant_responses(values)
         if still.any():
             names = [label for label, none in zip(self.labels, still) if none]
             alerts.append(alert("info", "screen.constant", names=", ".join(names[:_MOST_NAMED])))
