@@ -36,7 +36,7 @@ LEAST_LINES = 40
 MOST_TOGETHER = 4
 """Modes of a group."""
 MOST_CHANNELS = 8
-"""Channels from which only their mixtures are used in which modes move."""
+"""Channels from which only their mixtures are used in which modes move; with more mixtures no mode is divided."""
 LEAST_TAIL = 0.1
 """Power of the tail of another mode, over the noise of all channels, from which it is in the model."""
 LARGEST_MISFIT = 4.0
@@ -375,6 +375,8 @@ def _shape(found: Fit, k: int, window: _Window, model: Spectrum) -> tuple[Reals,
 
 def _divided(state: _State, group: Integers, found: Fit, window: _Window) -> _State:
     """With one mode of the group as two, where the lines are noise about the model then."""
+    if len(window.mix) > MOST_CHANNELS:
+        return state
     best: tuple[Fit, int] | None = None
     for k, j in enumerate(window.free.tolist()):
         trial = _fitted_as_two(found, window, j)
