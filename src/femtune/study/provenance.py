@@ -124,4 +124,7 @@ def study_facts(study: Study) -> StudyFacts:
         deck_file=study.source.name,
         configurations=tuple(c.name for c in study.cases),
         imported=not study.source.writes_back,
+        choices_file=""
+        if table.choices is None
+        else relative(study.file.path_of(table.choices), study.file.path.parent),
     )

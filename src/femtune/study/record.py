@@ -149,6 +149,8 @@ class StudyFacts(Record):
     """True for a model from matrices of another solver, without a deck."""
     description: str = ""
     """Free text of the study."""
+    choices_file: str = ""
+    """File of choices that were made on the page of a report, relative to the study; "" without one."""
 
     @property
     def has_deck(self) -> bool:

@@ -26,6 +26,7 @@ from femtune.steps.correlate.record.correlation import (
     ComacEntry,
     CorrelationResults,
     CriterionRecord,
+    ForbiddenPair,
     LeftOutMode,
     ModePairRecord,
     SensorContribution,
@@ -95,6 +96,7 @@ def correlation_results(
         configuration=name,
         stage=version,
         pairs=tuple(_pair(c, p) for p in c.pairing.pairs),
+        never_pairs=tuple(ForbiddenPair(test_label=c.test.labels[i], model_number=j + 1) for i, j in c.pairing.never),
         left_out=tuple(LeftOutMode(**_unpaired(c, u.test, u.reason)) for u in c.pairing.unpaired_test if u.left_out),
         unpaired_test=tuple(
             UnpairedTestMode(**_unpaired(c, u.test, u.reason))

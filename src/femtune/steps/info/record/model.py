@@ -247,6 +247,23 @@ class BesideDeck(Record):
     """The modes of the solver that move at its DOFs."""
 
 
+class UpdatableField(Record):
+    """A field of the deck that elements use and that can become a parameter, with usual bounds."""
+
+    name: str
+    """A name for the parameter: "I1_PBAR_1"."""
+    field: str
+    """The field: "PBAR 1 I1"."""
+    what: str
+    """What it is: "property: section"."""
+    value: float
+    """Its value in the deck, in units of the deck."""
+    lower: float
+    """Usual lower bound of a factor on it."""
+    upper: float
+    """Usual upper bound of a factor on it."""
+
+
 class ModelFacts(Record):
     """Content of the deck, and the model built from it."""
 
@@ -270,6 +287,9 @@ class ModelFacts(Record):
     """Shapes of the elements; None in older results without this field."""
     beside_deck: tuple[BesideDeck, ...] = ()
     """The external solver beside the deck, by input; empty where they were not compared."""
+    fields: tuple[UpdatableField, ...] = ()
+    """Fields of properties, materials, joints and masses that can become parameters; at most 200, and empty for a model
+    without a deck and in older results."""
 
 
 class MatchedSensor(Record):
