@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _NAME = "Study"
 """What errors name in place of a file: the class that users call."""
-_KEYS_OF_STUDY = ("title", "units", "allow_ignored", "journal", "journal_gib")
+_KEYS_OF_STUDY = ("title", "units", "allow_ignored", "choices", "journal", "journal_gib")
 """Keys of [study] that are arguments of their own; the other arguments are tables."""
 _PLURALS = {
     "parameters": "parameter",
@@ -222,6 +222,8 @@ class Study:
         **tables: Any,
     ) -> None:
         words = {"parameters": parameters, "residuals": residuals, "configurations": configurations, **tables}
+        if words.get("choices") is not None:
+            words["choices"] = os.path.abspath(words["choices"])
         if units is not None:
             words["units"] = units_word(units)
         if output is not None:
@@ -397,6 +399,8 @@ Test = ModalTest | Path | str | Mapping[str, Any] | None
 def source_of(source: Path | str | Study | Model, **words: Any) -> Path | str | StudyFile:
     """What a step reads: a path as it is; a model or a path with further words as a study."""
     given = {name: value for name, value in words.items() if value is not None}
+    if "choices" in given:
+        given["choices"] = os.path.abspath(given["choices"])
     if isinstance(source, Study):
         return (Study(source, **given) if given else source).file
     if isinstance(source, Model):
