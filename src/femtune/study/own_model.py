@@ -118,7 +118,7 @@ def own_model_of(model: Any, dofs: Any, version: str, function: str) -> OwnModel
     derivatives = getattr(model, "derivatives", None)
     name = getattr(model, "__name__", type(model).__name__)
     if isinstance(model, type) or not callable(modes):
-        facts = {"name": "model", "function": function, "given": type(model).__name__}
+        facts: dict[str, Any] = {"name": "model", "function": function, "given": type(model).__name__}
         raise FemtuneError("call.argument", allowed="a function, or an object with a method modes", **facts)
     for called in (modes, derivatives):
         _check_call(called, name)
