@@ -88,6 +88,7 @@ def opened(path: Path, profile: Path) -> Iterator[OpenPage]:
 
     # the browser reads descriptor 3 and writes descriptor 4
     begin = f"import os, sys; a, b = os.dup({from_us}), os.dup({from_it}); os.dup2(a, 3); os.dup2(b, 4); "
+    begin += "os.set_inheritable(3, True); os.set_inheritable(4, True); "
     command = [
         sys.executable, "-c", begin + "os.execv(sys.argv[1], sys.argv[1:])",
         str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
