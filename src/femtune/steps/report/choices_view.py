@@ -23,13 +23,15 @@ if TYPE_CHECKING:
 def choices_view(source: ReportSource) -> ChoicesView | None:
     """The choices at the initial values; None where no modes were compared, or the files are not known."""
     results = source.results
+    compared = [c for c in results.correlations if c.stage == "before"]
+    if not compared:
+        return None
     inputs = tuple(
         InputView(file.path, file.sha256)
         for file in results.provenance.input_files
         if file.sha256 and file.path != results.study.choices_file
     )
-    compared = [c for c in results.correlations if c.stage == "before"]
-    if not inputs or not compared:
+    if not inputs:
         return None
     return ChoicesView(inputs, tuple(_modes(source, c) for c in compared), tuple(_fields(source)))
 
