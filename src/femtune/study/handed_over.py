@@ -20,7 +20,7 @@ _COMPONENTS = range(1, 7)
 def handed_over(given: Any) -> dict[str, Any] | None:
     """Arguments of `femtune.modal_test` from an object; None for what is none of these objects."""
     if hasattr(given, "Fn") and hasattr(given, "Phi"):
-        sd = getattr(given, "Fn_std", None)
+        sd: Any = getattr(given, "Fn_std", None)
         known = sd is not None and np.size(sd) == np.size(given.Fn)
         return {
             "freq_hz": given.Fn, "shapes": given.Phi, "damping_ratio": getattr(given, "Xi", None),
