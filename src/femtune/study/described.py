@@ -306,6 +306,8 @@ class _Draft:
 
     def finished(self) -> StudyFile:
         """The study, checked (errors ``study.*`` and others, several together)."""
+        if self._only_numbers() and "sensors" not in self.data:
+            self.data["sensors"] = {"by_id": True}
         if not self.given.units_known and "units" not in self.data.get("study", {}) and not self._tested():
             # the units of a deck do not matter if nothing is compared with it
             self.data["study"] = {**self.data.get("study", {}), "units": "m-kg-s"}
@@ -313,6 +315,17 @@ class _Draft:
         text = None if data == self.of_file else json.dumps(data, sort_keys=True, default=repr)
         given = replace(self.given, tests=self.tests, residuals=self.residuals, text=text)
         return study_from_data(data, self.path, self.source, given)
+
+    def _only_numbers(self) -> bool:
+        """Whether model and tests are objects without coordinates, so that only their numbers can be compared."""
+        model = self.given.model
+        tests = self.tests.values()
+        return (
+            bool(tests)
+            and model is not None
+            and not model.structure.nodes.has_coordinates
+            and not any(len(test.geometry) for test in tests)
+        )
 
     def _tested(self) -> bool:
         return "test" in self.data or any("test" in c for c in self.data.get("configuration", ()))
