@@ -28,7 +28,7 @@ QUESTIONS = {
     "Which document, in which revision, by whom?": r"Document EX-01 Revision A Author femtune, example 01",
     "Who prepares, checks and approves it?": r"Prepared femtune, example 01 .*Checked .*Approved ",
     "Which standard, in which edition?": r"Criteria and edition ECSS-E-ST-32-11C \(31 July 2008\)",
-    "Which value decides each limit, and where?": r"MAC, ECSS-E-ST-32-11C all paired modes ≥ 0\.9 0\.\d+ \w+: test mode",
+    "Which value decides each limit, and where?": r"MAC, ECSS-E-ST-32-11C all paired modes ≥ 0\.9 0\.\d+ \w+: test ",
     "How many test modes were compared?": r"Test modes compared 15 of 21 test modes: BC 5 of 7, NC 5 of 7, SC 5 of 7",
     "Which were left out, and why?": r"Test modes not compared 4a, 4b \(BC, NC, SC\): 4a and 4b are one frame mode",
     "Which are the target modes?": r"Target modes 1, 2, 3, 5, 6; all compared in 3 of 3 configurations",

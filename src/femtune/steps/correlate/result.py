@@ -39,7 +39,7 @@ class CorrelateResult(OfConfigurations[CorrelationResults], ResultWithPage):
     report: Path | None = field(default=None, kw_only=True)
 
     @property
-    def results(self) -> Results:
+    def results(self) -> Results:  # type: ignore[override]  # made when first used
         """The comparison with the facts of study and model (error ``run.no-page`` where there is no verdict)."""
         if self.whole is None:
             raise FemtuneError("run.no-page")
