@@ -34,6 +34,7 @@ from femtune.steps.init.proposed_parameters import KIND_OF_FIELD, fields_of_kind
 from femtune.study.cases import sensor_tolerance
 from femtune.study.plausible_sections import slow_modes
 from femtune.study.record import Alert, ModelVersion, Vector3, alert
+from femtune.testdata import sensors_at
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -57,6 +58,7 @@ from femtune.steps.info.record.model import (
     EffectiveMasses,
     ElementShapes,
     ElementShapeTest,
+    ExciterRecord,
     GroundedDof,
     GroundingElementRecord,
     HeldDof,
@@ -497,7 +499,16 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
             for m in case.sensors.matches
         ),
         unmatched=tuple(UnmatchedSensor(test_dof=label, reason=_OFF) for label in case.entry.sensors_off),
+        exciters=_exciters(case),
     )
+
+
+def _exciters(case: StudyCase) -> tuple[ExciterRecord, ...]:
+    test = case.test
+    if test is None or test.frfs is None:
+        return ()
+    known = {s.label.node: s.position for s in sensors_at(test.geometry, test.frfs.references)}
+    return tuple(ExciterRecord(test_dof=str(dof), place=_place(known.get(dof.node))) for dof in test.frfs.references)
 
 
 def _place(point: Reals | None) -> tuple[float, float, float] | None:

@@ -18,6 +18,10 @@ from femtune.steps.step import (
 
 
 def _tell(path: Any, quiet: bool) -> None:
+    from femtune.files.whole_file import digest_of  # noqa: PLC0415
+
+    if Path(path).is_file():
+        click.echo(f"SHA-256 of {Path(path).name}: {digest_of(Path(path))}")
     click.echo(f"report: {Path(path).resolve()}")
 
 

@@ -162,6 +162,9 @@ class CorrelationResults(Record):
     """Test modes of the rows of the MAC matrix."""
     mac_test_freq_hz: tuple[float, ...]
     """Their frequencies in Hz."""
+    test_damping_ratio: tuple[float | None, ...] = ()
+    """Their measured damping ratios (no unit), None for a mode without one; empty if the test has none, and in older
+    results."""
     mac_model_numbers: tuple[int, ...]
     """Model modes of the columns of the MAC matrix, from 1."""
     mac_model_freq_hz: tuple[float, ...]

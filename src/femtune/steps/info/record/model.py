@@ -321,6 +321,15 @@ class UnmatchedSensor(Record):
     """The reason."""
 
 
+class ExciterRecord(Record):
+    """A degree of freedom at which the structure was excited: a reference of the measured functions."""
+
+    test_dof: str
+    """Label in the test: "12X+"."""
+    place: tuple[float, float, float] | None
+    """Its place in the basic coordinate system, in the study's unit of length; None without coordinates."""
+
+
 class SensorResults(Record):
     """Sensors of one configuration."""
 
@@ -334,6 +343,8 @@ class SensorResults(Record):
     """Sensors that are compared, generalised ones among them."""
     unmatched: tuple[UnmatchedSensor, ...]
     """Sensors that were not matched."""
+    exciters: tuple[ExciterRecord, ...] = ()
+    """References of the measured functions; empty for a test of modes alone, and in older results."""
 
 
 class EffectiveMasses(Record):
