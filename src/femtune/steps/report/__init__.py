@@ -27,6 +27,7 @@ def _tell(path: Any, quiet: bool) -> None:
 
 STEP = Step(
     "report",
+    tables=("report",),
     command=Command(
         group="First steps",
         help="Rewrite the report of a run.\n\nPATH is a run folder, or a study with a run folder.",
