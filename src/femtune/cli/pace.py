@@ -9,6 +9,7 @@ _PARTS = 20
 _LEAST_S = 2.0
 """Time in s that must have been observed before a remaining time is told; a shorter one is mostly start-up."""
 _MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0
+"""Lengths in s."""
 
 
 class Pace:

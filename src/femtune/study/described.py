@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _NAME = "Study"
 """What errors name in place of a file: the class that users call."""
-_KEYS_OF_STUDY = ("title", "units", "allow_ignored", "journal", "journal_gib")
+_KEYS_OF_STUDY = ("title", "units", "allow_ignored", "choices", "journal", "journal_gib")
 """Keys of [study] that are arguments of their own; the other arguments are tables."""
 _PLURALS = {
     "parameters": "parameter",
@@ -195,6 +195,8 @@ class Study:
         **tables: Any,
     ) -> None:
         words = {"parameters": parameters, "residuals": residuals, "configurations": configurations, **tables}
+        if words.get("choices") is not None:
+            words["choices"] = os.path.abspath(words["choices"])
         if units is not None:
             words["units"] = units_word(units)
         if output is not None:
@@ -306,6 +308,8 @@ class _Draft:
 
     def finished(self) -> StudyFile:
         """The study, checked (errors ``study.*`` and others, several together)."""
+        if self._only_numbers() and "sensors" not in self.data:
+            self.data["sensors"] = {"by_id": True}
         if not self.given.units_known and "units" not in self.data.get("study", {}) and not self._tested():
             # the units of a deck do not matter if nothing is compared with it
             self.data["study"] = {**self.data.get("study", {}), "units": "m-kg-s"}
@@ -313,6 +317,17 @@ class _Draft:
         text = None if data == self.of_file else json.dumps(data, sort_keys=True, default=repr)
         given = replace(self.given, tests=self.tests, residuals=self.residuals, text=text)
         return study_from_data(data, self.path, self.source, given)
+
+    def _only_numbers(self) -> bool:
+        """Whether model and tests are objects without coordinates, so that only their numbers can be compared."""
+        model = self.given.model
+        tests = self.tests.values()
+        return (
+            bool(tests)
+            and model is not None
+            and not model.structure.nodes.has_coordinates
+            and not any(len(test.geometry) for test in tests)
+        )
 
     def _tested(self) -> bool:
         return "test" in self.data or any("test" in c for c in self.data.get("configuration", ()))
@@ -354,6 +369,8 @@ Test = ModalTest | Path | str | Mapping[str, Any] | None
 def source_of(source: Path | str | Study | Model, **words: Any) -> Path | str | StudyFile:
     """What a step reads: a path as it is; a model or a path with further words as a study."""
     given = {name: value for name, value in words.items() if value is not None}
+    if "choices" in given:
+        given["choices"] = os.path.abspath(given["choices"])
     if isinstance(source, Study):
         return (Study(source, **given) if given else source).file
     if isinstance(source, Model):

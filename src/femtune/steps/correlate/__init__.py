@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from femtune.steps.step import (
+    CHOICES,
     EIGENSOLVER,
     FILE,
     FRESH,
@@ -41,6 +42,7 @@ STEP = Step(
             click.Option(
                 ["--uff"], type=FILE, metavar="FILE", help="Write the expanded shapes to a Universal File (55)."
             ),
+            CHOICES,
             EIGENSOLVER,
             FRESH,
             STRICT,

@@ -56,6 +56,7 @@ def correlate_case(case: ComparedCase, solution: EigenSolution, rigid: int = 0) 
         mac_gate=case.rules.mac_gate,
         relative_gap=case.rules.relative_gap,
         fixed=case.fixed,
+        never=case.never,
         left_out=case.left_out,
         rigid=rigid,
     )

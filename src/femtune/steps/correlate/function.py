@@ -36,6 +36,7 @@ def correlate(
     *,
     expand: str | None = None,
     uff: Path | str | None = None,
+    choices: Path | str | None = None,
     fresh: bool = False,
     progress: Progress = silent,
     **tables: Any,
@@ -47,6 +48,7 @@ def correlate(
     source : a study (an object, or the path of its TOML file); or a model, with the other tables as keywords
     test : what `read_test` returned, or the path of its file; with a model
     expand : expand the test shapes to the model: "serep", "dynamic" or "mdre"; "none"; None: as stated in the study
+    choices : file of choices that were made on the page of a report
     uff : Universal File for the expanded shapes; with several configurations each has its own, with its number in the
         name
     fresh : ignore the journal of an earlier run of the study and solve everything again
@@ -74,7 +76,7 @@ def correlate(
     >>> expanded.expanded["baseline"].shapes.shape, [path.name for path in expanded.files]
     ((16, 4), ['expanded.uff'])
     """
-    given = source_of(source, test=test, **tables)
+    given = source_of(source, test=test, choices=choices, **tables)
     with held_for_solver(given, "correlate"):
         study = read_study(given, progress)
     study = replace(study, file=with_expansion(study.file, expand))

@@ -70,6 +70,7 @@ from femtune.steps.info.record.model import (
     SensorResults,
     TestMassEffect,
     TestMassMode,
+    UnmatchedSensor,
     UsedCard,
 )
 
@@ -448,6 +449,10 @@ def _grounding_equations(study: Study, configuration: Configuration) -> int:
     return count
 
 
+_OFF = "the study switches it off (sensors_off)"
+"""Reason for which a sensor is not compared."""
+
+
 def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
     """How the sensors of a configuration found the model; None without a test."""
     if case.sensors is None or case.entry.test is None:
@@ -472,7 +477,7 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
             )
             for m in case.sensors.matches
         ),
-        unmatched=(),
+        unmatched=tuple(UnmatchedSensor(test_dof=label, reason=_OFF) for label in case.entry.sensors_off),
     )
 
 
