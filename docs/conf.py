@@ -11,6 +11,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
+import page_pictures
 import pictures
 from card_table import write_card_table
 from error_pages import write_error_pages
@@ -41,7 +42,7 @@ html_theme = "furo"
 html_title = f"femtune {release}"
 html_static_path = ["_static"]
 html_css_files = ["messages.css"]
-html_search_scorer = "_static/search_order.js"
+html_search_scorer = str(Path(__file__).parent / "_static" / "search_order.js")
 html_math_renderer = "mathml"
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
@@ -102,5 +103,5 @@ write_error_pages(
 )
 write_format_tables(_DOCS)
 write_card_table(_DOCS)
-if not pictures.are_current():
-    logging.getLogger(__name__).warning("docs/_static/pictures were made from another tutorial: run make pictures")
+if not (pictures.are_current() and page_pictures.are_current()):
+    logging.getLogger(__name__).warning("docs/_static/pictures were made by other code: run make pictures")
