@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from femtune.steps.compare.function import compare
     from femtune.steps.correlate.function import correlate
     from femtune.steps.correlate.result import CorrelateResult
-    from femtune.steps.files import modal_test, read_deck, read_matrices, read_test, write_deck, write_test
+    from femtune.steps.files import modal_test, own_model, read_deck, read_matrices, read_test, write_deck, write_test
     from femtune.steps.identify.function import identify
     from femtune.steps.identify.result import IdentifyResult
     from femtune.steps.info.function import info
@@ -137,6 +137,7 @@ __all__ = [
     "mac",
     "modal_test",
     "modes",
+    "own_model",
     "plan",
     "plot",
     "posterior",

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import total_ordering
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from femtune.errors import FemtuneError
 
@@ -97,7 +97,7 @@ class DofSet:
         self._dofs = tuple(dofs)
         wrong = next((dof for dof in self._dofs if not isinstance(dof, Dof)), None)
         if wrong is not None:
-            facts = {
+            facts: dict[str, Any] = {
                 "name": "dofs",
                 "function": "DofSet",
                 "allowed": "a sequence of Dof",

@@ -8,7 +8,9 @@ _PARTS = 20
 """Reports that are kept: the pace is that of the last parts, because known solutions are recalled at once."""
 _LEAST_S = 2.0
 """Time in s that must have been observed before a remaining time is told; a shorter one is mostly start-up."""
-_MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0
+_MINUTE = 60.0
+_HOUR = 3600.0
+_DAY = 86400.0
 """Lengths in s."""
 
 

@@ -66,7 +66,12 @@ class ModeSet:
 
     def __post_init__(self) -> None:
         if not isinstance(self.dofs, DofSet):
-            facts = {"name": "dofs", "function": "ModeSet", "allowed": "DofSet", "given": type(self.dofs).__name__}
+            facts: dict[str, Any] = {
+                "name": "dofs",
+                "function": "ModeSet",
+                "allowed": "DofSet",
+                "given": type(self.dofs).__name__,
+            }
             raise FemtuneError("call.argument", values={"dofs": repr(self.dofs)[:80]}, **facts)
         for name in ("freq_hz", "damping_ratio", "freq_sd_hz", "shapes_sd", "damping_sd", "covariance"):
             object.__setattr__(self, name, read_only(getattr(self, name), float))

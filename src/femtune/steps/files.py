@@ -15,7 +15,7 @@ from femtune.files.nastran.write import plan_edits
 from femtune.files.nastran.write import write_deck as write_files
 from femtune.files.shape_table import is_shape_table, read_shape_table
 from femtune.files.uff import read_uff, write_uff_frfs, write_uff_modes
-from femtune.study.described import Model, model_of_deck, model_of_matrices, units_word
+from femtune.study.described import Model, model_of_deck, model_of_function, model_of_matrices, units_word
 from femtune.study.given_test import modal_test_of_arrays
 from femtune.units import SI, unit_system
 
@@ -93,6 +93,55 @@ def read_matrices(
     """
     kinds = {"stiffness": stiffness, "mass": mass, "viscous": viscous, "hysteretic": hysteretic}
     return model_of_matrices(kinds, units, dofs, **words)
+
+
+@checked
+def own_model(
+    model: Any,
+    *,
+    count: int,
+    dofs: Sequence[Any] | NDArray[Any] | DofSet | None = None,
+    units: str | UnitSystem | None = None,
+    version: str = "",
+) -> Model:
+    """A model of your own: a Python function of the parameters, or an object.
+
+    It takes the place of an external solver, see the guide page on external solvers: k parameters take 2k + 1 calls at
+    each point of an update, or one if derivatives are given.
+
+    Parameters
+    ----------
+    model : a function of a dictionary of the values by name, which returns frequencies (m,) in Hz, or frequencies and
+        shapes (n, m); or an object with such a method ``modes`` and, where derivatives are known, a method
+        ``derivatives`` that returns them by name of the parameter, in the form of what ``modes`` returns
+    count : number of modes that it returns, at least
+    dofs : (n,) node and direction of each row of the shapes, as for `read_matrices`
+    units : length-mass-s of the model; required for the comparison with a test
+    version : a word that changes where the model does; then runs in the folder of an earlier program are used again.
+        Without it they are not
+
+    Raises
+    ------
+    FemtuneError : ``call.argument``, ``dof.*``, ``units.unknown``; ``external.own-model`` when the study is read, for a
+        model that returns something else
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import femtune as ft
+    >>> def chain(values):
+    ...     stiffness = np.array([[values["k1"] + values["k2"], -values["k2"]], [-values["k2"], values["k2"]]])
+    ...     return np.sqrt(np.linalg.eigvalsh(stiffness)) / (2 * np.pi)
+    >>> found = ft.update(
+    ...     ft.own_model(chain, count=2, units="m-kg-s"),
+    ...     ft.modal_test([10.0, 25.0]),
+    ...     parameters=[ft.Parameter(k, lower=5e3, upper=2e4, absolute=True) for k in ("k1", "k2")],
+    ...     residuals=[ft.FrequencyResidual(sd=0.01)],
+    ... )
+    >>> bool(np.allclose(chain(found.values), [10.0, 25.0], rtol=1e-4))
+    True
+    """
+    return model_of_function(model, count, dofs, units, version)
 
 
 @checked

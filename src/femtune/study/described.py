@@ -57,6 +57,7 @@ class Model:
     built : the assembled model
     tables : the keys of a study file for this model
     matrices : arrays that were given instead of files, by the names that stand for these
+    own_model : the function of `femtune.own_model`, in the same way
 
     Examples
     --------
@@ -71,21 +72,30 @@ class Model:
 
     path: Path
     units: str
-    built: BuiltModel
+    built: BuiltModel | None
     tables: Mapping[str, Any] = field(default_factory=dict)
     matrices: Mapping[str, Any] = field(default_factory=dict)
+    own_model: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def structure(self) -> Structure:
         """Grid points, elements and values."""
-        return self.built.structure
+        return self._known.structure
+
+    @property
+    def _known(self) -> BuiltModel:
+        if self.built is None:
+            raise FemtuneError("external.own-model/no-structure", name=self.path.name)
+        return self.built
 
     @property
     def notices(self) -> tuple[Notice, ...]:
         """Notices of the reader."""
-        return self.built.notices
+        return () if self.built is None else self.built.notices
 
     def __repr__(self) -> str:
+        if self.built is None:
+            return f"{type(self).__name__}: {self.path.name}, a Python function"
         points, elements = len(self.structure.nodes.ids), len(self.structure.element_kinds)
         units = f"units {self.units}" if self.units else "no units"
         return f"{type(self).__name__}: {self.path.name}, {points} grid points, {elements} elements, {units}"
@@ -139,6 +149,23 @@ def model_of_matrices(
     file = study_from_data(data, Path.cwd() / "matrices", StudyLines("read_matrices"), objects)
     path = Path(model_source(file).name)
     return Model(path, units_word(units), build_imported(file), tables, given.arrays)
+
+
+def model_of_function(model: Any, count: int, dofs: Any, units: str | UnitSystem | None, version: str) -> Model:
+    """A function of the user (errors as of `femtune.own_model`)."""
+    from femtune.study.own_model import INPUT, own_model_of  # noqa: PLC0415  few studies have one
+
+    own = own_model_of(model, dofs, version, "own_model")
+    tables = {
+        # what a study file would say of a solver; the function takes its place
+        "solver": {
+            "command": (own.name,), "templates": (INPUT,), "result": "modes.txt", "format": "table",
+            "version": own.version,
+        },
+        "modes": {"count": count},
+        "parallel": {"how": "serial"},
+    }  # fmt: skip
+    return Model(Path(own.name), units_word(units), None, tables, own_model={INPUT: own})
 
 
 class Study:
@@ -232,17 +259,19 @@ class _Draft:
         """Set the model, or replace it."""
         if model is None:
             return
-        for key in ("matrix", "model", "variable"):
+        for key in ("matrix", "model", "variable", "solver"):
             self._drop(key)
         study = {k: v for k, v in self.data.get("study", {}).items() if k != "deck"}
         if isinstance(model, Model):
             known = bool(model.units) or "units" in study
-            self.given = replace(self.given, model=model.built, matrices=model.matrices, units_known=known)
+            self.given = replace(
+                self.given, model=model.built, matrices=model.matrices, own_model=model.own_model, units_known=known
+            )
             self.data |= {k: v for k, v in model.tables.items() if k != "study"}
             study = {**study, **model.tables.get("study", {})} | ({"units": model.units} if model.units else {})
             title = model.path.name
         else:
-            self.given = replace(self.given, model=None, matrices={}, units_known=True)
+            self.given = replace(self.given, model=None, matrices={}, own_model={}, units_known=True)
             study["deck"], title = os.path.abspath(model), Path(model).name
         self.data["study"] = {"title": title, **study}
 
@@ -320,8 +349,9 @@ class _Draft:
 
     def _only_numbers(self) -> bool:
         """Whether model and tests are objects without coordinates, so that only their numbers can be compared."""
-        model = self.given.model
-        tests = self.tests.values()
+        model, tests = self.given.model, self.tests.values()
+        if self.given.own_model:
+            return bool(tests)
         return (
             bool(tests)
             and model is not None

@@ -51,8 +51,7 @@ def unnamed_arguments(table: type[BaseModel], before: tuple[str, ...], unnamed: 
         # of a residual, the key that is most often meant comes first
         own.sort(key=lambda name: name != "sd")
     first = [*before, *(f"{key}={shortened(value)}" for key, value in zip(own, unnamed))]
-    keys = dict.fromkeys(name for name in (*own, *table.model_fields) if name not in ("kind", *before))
-    hint = f"write for example {table.__name__}({', '.join(first)}); its keys are {', '.join(keys)}"
+    hint = f"write for example {table.__name__}({', '.join(first)}); see help(femtune.{table.__name__})"
     reason = "values need the names of their keys"
     return FemtuneError("call.signature", function=table.__name__, reason=reason, hint=hint)
 

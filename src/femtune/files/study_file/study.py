@@ -61,6 +61,7 @@ class Given:
     tests : by the name under which the study has them as files
     matrices : of the model, in the same way; arrays of NumPy or SciPy
     dofs : node and component of each of their rows
+    own_model : the model, a function of the user in place of a solver, by the name that stands for its input file
     residuals : further comparisons, of classes that have no key in the study file
     text : text in place of a study file; None if there is a file
     units_known : False for a deck, which does not state its units
@@ -70,6 +71,7 @@ class Given:
     tests: Mapping[str, ModalTest] = field(default_factory=dict)
     matrices: Mapping[str, Any] = field(default_factory=dict)
     dofs: tuple[tuple[int, int], ...] = ()
+    own_model: Mapping[str, Any] = field(default_factory=dict)
     residuals: tuple[Any, ...] = ()
     text: str | None = None
     units_known: bool = True
@@ -77,7 +79,7 @@ class Given:
     @property
     def names(self) -> set[str]:
         """Names of files in whose place objects were given."""
-        return {*self.tests, *self.matrices}
+        return {*self.tests, *self.matrices, *self.own_model}
 
 
 class StudyFile(TomlTable):
