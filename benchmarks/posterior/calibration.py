@@ -168,9 +168,10 @@ def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
     yield "# Calibration of the posterior distribution"
     yield ""
     yield "The values of structures are drawn from the prior, uniform between the bounds, and tests with noise as"
-    yield "stated are simulated. The place of each true value among the weighted samples, from 0 to 1, must be uniformly"
-    yield f"distributed (simulation-based calibration). χ² over {BINS} classes for each parameter; seed {seed}. Made by"
-    yield "`benchmarks/posterior/calibration.py`."
+    yield "stated are simulated. The place of each true value among the weighted samples, from 0 to 1, must be"
+    yield "uniformly distributed (simulation-based calibration)."
+    yield f"χ² over {BINS} classes for each parameter; seed {seed}."
+    yield "Made by `benchmarks/posterior/calibration.py`."
     yield ""
     yield (
         "| problem | tests | no posterior | parameters | least p of χ² | in 50 % intervals | in 95 % intervals | "

@@ -1,4 +1,4 @@
-"""Pictures that the Python code of a page draws, and the picture of the README: `make pictures`.
+"""Pictures that the Python code of a page draws, and the picture of the first page of the guide: `make pictures`.
 
 They are kept beside the pages, with the hash of the code that made them.
 """
@@ -20,7 +20,7 @@ _PICTURES = _DOCS / "_static" / "pictures"
 _HASHES = _PICTURES / "pages.json"
 _PAGES = ("guide/posterior-or-intervals.md",)
 """Pages whose last Python code saves a picture ``guide_<page>.svg``."""
-_README = "readme.svg"
+_OVERVIEW = "guide_index.svg"
 
 
 def code_of(page: str) -> str:
@@ -32,7 +32,7 @@ def sources() -> dict[str, str]:
     """Code by the picture that it makes."""
     text = (_DOCS / "tutorial.md").read_text(encoding="utf-8")
     tutorial = "".join(re.findall(r"```(?:python)?\n(.*?)```", text, re.S))
-    return {_README: tutorial + _OF_README} | {f"guide_{Path(page).stem}.svg": code_of(page) for page in _PAGES}
+    return {_OVERVIEW: tutorial + _OF_OVERVIEW} | {f"guide_{Path(page).stem}.svg": code_of(page) for page in _PAGES}
 
 
 def hashes() -> dict[str, str]:
@@ -45,7 +45,7 @@ def are_current() -> bool:
     return _HASHES.exists() and json.loads(_HASHES.read_text(encoding="utf-8")) == hashes()
 
 
-_OF_README = """
+_OF_OVERVIEW = """
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -72,7 +72,7 @@ three.set(yticks=range(len(rows)), yticklabels=[row.name for row in rows], ylim=
 three.set_title("Parameters")
 three.set_xlabel("factor on the thickness in the deck")
 three.legend(frameon=False, fontsize=8)
-figure.savefig("readme.svg", metadata={"Date": None})
+figure.savefig("guide_index.svg", metadata={"Date": None})
 """
 
 
@@ -82,9 +82,9 @@ def make() -> None:
     mpl.rcParams["svg.hashsalt"] = "femtune"
     for name, code in sources().items():
         with tempfile.TemporaryDirectory() as folder, chdir(folder):
-            if name == _README:
+            if name == _OVERVIEW:
                 _run_tutorial()
-            exec(compile(_OF_README if name == _README else code, name, "exec"), {"__name__": "__main__"})
+            exec(compile(_OF_OVERVIEW if name == _OVERVIEW else code, name, "exec"), {"__name__": "__main__"})
             shutil.copy(name, _PICTURES / name)
     _HASHES.write_text(json.dumps(hashes(), indent=1) + "\n", encoding="utf-8")
 

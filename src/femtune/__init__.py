@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from femtune.steps.search.result import SearchResult
     from femtune.steps.select.function import select
     from femtune.steps.select.result import SelectResult
+    from femtune.steps.table import table
     from femtune.steps.update.function import update
     from femtune.steps.validate.function import validate
     from femtune.steps.view.function import view
@@ -153,6 +154,7 @@ __all__ = [
     "search",
     "select",
     "simulate",
+    "table",
     "testing",
     "to_inference_data",
     "to_xarray",

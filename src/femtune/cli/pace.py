@@ -9,9 +9,11 @@ _PARTS = 20
 _LEAST_S = 2.0
 """Time in s that must have been observed before a remaining time is told; a shorter one is mostly start-up."""
 _MINUTE = 60.0
+"""In s."""
 _HOUR = 3600.0
+"""In s."""
 _DAY = 86400.0
-"""Lengths in s."""
+"""In s."""
 
 
 class Pace:

@@ -191,7 +191,8 @@ def modal_test(
 
     Parameters
     ----------
-    freq_hz : (m,) frequencies in Hz
+    freq_hz : (m,) frequencies in Hz; or an object with the modes: a result of pyOMA2, an EMA model of sdypy, or a table
+        of eigenvectors of pyNastran, whose shapes, damping and standard deviations are taken where they are not given
     shapes : (n, m) real or complex, in any scale; NaN marks an entry that was not measured. Without shapes the
         frequencies are compared in their order
     dofs : (n,) node and direction of each row, as for `read_matrices`; scalar points 1 to n without it

@@ -12,6 +12,7 @@ from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.study.given_dofs import given_dofs
+from femtune.study.handed_over import handed_over
 from femtune.testdata import NO_GEOMETRY, ModalTest, WireFrame, sensors_at
 from femtune.units import UnitSystem
 
@@ -32,6 +33,13 @@ def modal_test_of_arrays(
     name: str,
 ) -> ModalTest:
     """The test; arguments and errors as of `femtune.modal_test`."""
+    known = handed_over(freq_hz)
+    if known is not None:
+        freq_hz = known["freq_hz"]
+        shapes = known["shapes"] if shapes is None else shapes
+        dofs = known.get("dofs") if dofs is None else dofs
+        damping_ratio = known.get("damping_ratio") if damping_ratio is None else damping_ratio
+        freq_sd_hz = known.get("freq_sd_hz") if freq_sd_hz is None else freq_sd_hz
     hz = array_of(freq_hz, "freq_hz", _FREQUENCIES).astype(float)
     if hz.ndim != 1 or not hz.size:
         raise _shape("freq_hz", hz, "(m,)", _FREQUENCIES)

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 class ChosenInput(TomlTable):
-    """[[input]]: a file that the report was made of, as it was then."""
+    """[[input]]: a file that was read, as it was when the choices were made."""
 
     path: Text
-    """Name of the file, relative to the study."""
+    """Name of the file; in a report relative to the study."""
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
     """SHA-256 of its bytes."""
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, ValidationError
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.study_file.kinds import Positive, SchemaVersion, Text, TomlTable
+from femtune.files.study_file.choices import ChosenInput
+from femtune.files.study_file.kinds import Positive, SchemaVersion, TomlTable
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, line_numbers
@@ -19,15 +20,6 @@ from femtune.identification.kinds import MethodWord
 
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
-
-
-class ChosenInput(TomlTable):
-    """[[input]]: a measured file, as it was when the poles were picked."""
-
-    path: Text
-    """Name of the file."""
-    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-    """SHA-256 of its bytes."""
 
 
 class ChosenMode(TomlTable):
