@@ -203,3 +203,13 @@ def test_the_pairs_that_init_offers_go_into_what_it_writes(beam: Path, tmp_path:
     fixed = [p for p in found.pairs if p.fixed_by_hand]
     assert [(p.test_label, p.model_number) for p in fixed] == [("3", 4)]
     assert max(abs(p.freq_error_percent) for p in found.pairs) < 2.0
+
+
+@pytest.mark.parametrize("place", ["top", "end"])
+def test_pairs_below_another_heading_are_told_their_place(beam: Path, place: str) -> None:
+    line, text = 'pairs = [{ test = "3", model = 3 }]\n', beam.read_text(encoding="utf-8")
+    beam.write_text(line + text if place == "top" else text + line, encoding="utf-8")
+    with pytest.raises(FemtuneError) as caught:
+        ft.correlate(beam)
+    assert caught.value.code == "study.unknown-key"
+    assert str(caught.value.hint).startswith("move the line below [test]")

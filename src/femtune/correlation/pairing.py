@@ -345,6 +345,7 @@ class Pairing:
     frequency_gate: float
     mac_gate: float
     notices: tuple[Notice, ...] = ()
+    never: tuple[tuple[int, int], ...] = ()
 
     @property
     def test_indices(self) -> tuple[int, ...]:
@@ -423,7 +424,7 @@ def pair_modes(
         if i not in chosen
     )
     alone = tuple(j for j in range(len(model)) if j not in chosen.values())
-    return Pairing(pairs, unpaired, alone, matches, *gates, comparison.notices)
+    return Pairing(pairs, unpaired, alone, matches, *gates, comparison.notices, tuple(never))
 
 
 def _forbid(found: CandidatePairs, allowed: Allowed, never: Sequence[tuple[int, int]]) -> None:
@@ -441,6 +442,7 @@ def _forbidden(i: int, model: ModeSet, never: Sequence[tuple[int, int]]) -> str:
 
 def _without_never(model: ModeSet, found: Pairing, never: Sequence[tuple[int, int]]) -> Pairing:
     """Pairs by the order of the frequencies without those that the study forbids; the order of the others stays."""
+    found = replace(found, never=tuple(never))
     refused = [pair for pair in found.pairs if (pair.test, pair.model) in set(never)]
     if not refused:
         return found

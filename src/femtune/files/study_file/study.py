@@ -30,6 +30,7 @@ from femtune.files.study_file.parameter import Parameter
 from femtune.files.study_file.plan import PlanTable
 from femtune.files.study_file.posterior import PosteriorTable
 from femtune.files.study_file.quantify import QuantifyTable
+from femtune.files.study_file.report import ReportTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
 from femtune.files.study_file.respond import LoadEntry, ResponseTable
 from femtune.files.study_file.runs import RunsModelTable
@@ -135,6 +136,7 @@ class StudyFile(TomlTable):
     parallel: ParallelTable = Field(default_factory=ParallelTable)
     load: tuple[LoadEntry, ...] = ()
     write: WriteTable = Field(default_factory=WriteTable)
+    report: ReportTable = Field(default_factory=ReportTable)
     output: StudyOutputTable = Field(default_factory=StudyOutputTable)
 
     _path: Path = PrivateAttr(default=Path("study.toml"))
