@@ -32,7 +32,7 @@ NOT_QUICK := $(addprefix examples/cases/,$(addsuffix /run.py,bootstrap_identifie
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-small bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-posterior bench-judge bench-health bench-sensors bench-page bench-live bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-small bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-posterior bench-calibration bench-judge bench-health bench-sensors bench-page bench-live bench-newcomer bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -80,6 +80,7 @@ internals: $(VENV)/.stamp-docs  ## build the documentation with the reference of
 
 pictures: $(VENV)/.stamp-test  ## draw the pictures of the landing page and the tutorial again
 	@$(ONE_THREAD) $(BIN)/python docs/_ext/pictures.py
+	@$(ONE_THREAD) $(BIN)/python docs/_ext/page_pictures.py
 
 evidence: $(VENV)/.stamp-test  ## run the full examples, which write the tables of the documentation
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --evidence docs/evidence; done
@@ -159,11 +160,17 @@ bench-search: $(VENV)/.stamp-test  ## runs of the model that a search needs with
 bench-optimise: $(VENV)/.stamp-test  ## the search compared with general solvers; takes an hour and can be interrupted (BENCH_ARGS=--quick: minutes)
 	@$(ONE_THREAD) $(BIN)/python benchmarks/optimise/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
+bench-newcomer: $(VENV)/.stamp-test  ## commands and seconds of a first user, from the README to a report; takes a minute
+	@$(ONE_THREAD) $(BIN)/python benchmarks/newcomer/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
 bench-chain: $(VENV)/.stamp-test  ## from measured FRFs to parameters, on simulated tests; takes an hour and can be interrupted (BENCH_ARGS="--each 2": minutes)
 	@$(ONE_THREAD) $(BIN)/python benchmarks/chain/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 bench-posterior: $(VENV)/.stamp-test  ## how often intervals of the posterior hold beside wrong models; takes many hours and can be interrupted (BENCH_ARGS="--each 4": an hour)
 	@$(ONE_THREAD) $(BIN)/python benchmarks/posterior/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+bench-calibration: $(VENV)/.stamp-test  ## simulation-based calibration of the posterior; takes hours and can be interrupted (BENCH_ARGS="--each 10": minutes)
+	@$(ONE_THREAD) $(BIN)/python benchmarks/posterior/calibration.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 bench-judge: $(VENV)/.stamp-test  ## how often the judge of a fit is right, on 1000 models; takes hours and can be interrupted (BENCH_ARGS="--each 12": minutes)
 	@$(ONE_THREAD) $(BIN)/python benchmarks/judge/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)

@@ -11,10 +11,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
+import page_pictures
 import pictures
 from card_table import write_card_table
 from error_pages import write_error_pages
 from format_tables import write_format_tables
+from object_pages import write_object_pages
 from sphinx.util import logging
 
 import femtune
@@ -24,7 +26,15 @@ author = "the femtune developers"
 project_copyright = "2026, the femtune developers"
 version = release = femtune.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "plain_docstrings", "key_tables"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "mathml",
+    "plain_docstrings",
+    "key_tables",
+    "object_pages",
+]
 _INTERNALS = tags.has("internals")  # noqa: F821 - Sphinx provides the tags
 _PUBLIC = ("plot", "testing")  # packages whose functions users call by the name of the package
 exclude_patterns = ["_build", "_ext"]
@@ -32,15 +42,18 @@ html_theme = "furo"
 html_title = f"femtune {release}"
 html_static_path = ["_static"]
 html_css_files = ["messages.css"]
+html_search_scorer = str(Path(__file__).parent / "_static" / "search_order.js")
 html_math_renderer = "mathml"
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 napoleon_google_docstring = False
-napoleon_use_param = False
+napoleon_use_param = True
 napoleon_use_rtype = False
 default_role = "code"
+autodoc_preserve_defaults = True
 autodoc_member_order = "bysource"
-autodoc_typehints = "signature"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented_params"
 autodoc_default_options = {"members": True, "show-inheritance": False}
 toc_object_entries = False
 # A class is documented where it lives and named again where it is imported from.
@@ -57,8 +70,9 @@ def _modules() -> dict[str, bool]:
 
 
 def _write_api_pages() -> None:
-    """One page a package, so that a new module is documented without anybody's listing it."""
+    """One page an object for users, and one a package, so that a new module is documented without being listed."""
     _API.mkdir(exist_ok=True)
+    write_object_pages(_API)
     pages: dict[str, list[str]] = {}
     for name, is_package in _modules().items():
         package = name.split(".")[1]
@@ -89,5 +103,5 @@ write_error_pages(
 )
 write_format_tables(_DOCS)
 write_card_table(_DOCS)
-if not pictures.are_current():
-    logging.getLogger(__name__).warning("docs/_static/pictures were made from another tutorial: run make pictures")
+if not (pictures.are_current() and page_pictures.are_current()):
+    logging.getLogger(__name__).warning("docs/_static/pictures were made by other code: run make pictures")

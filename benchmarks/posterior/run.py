@@ -109,6 +109,7 @@ def measured(case: str, number: int, seed: int) -> Row:
         for way, interval in zip(WAYS, (p.interval_95, p.of_data_interval_95 or p.interval_95, p.update_interval_95)):
             if interval is not None:
                 row["hits"][way].append(bool(interval[0] <= true <= interval[1]))
+    row["apart"] = [c.what for c in found.model_errors if c.count == 1]
     row["wider"] = [round(p.sd / (p.of_data_sd or p.sd), 3) for p in found.parameters]
     return row
 

@@ -149,6 +149,8 @@ def study(model: str = "M8", folder: str = "run") -> str:
         '[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.1\nshape_sd_of = "scaled-shape"',
         # 4a and 4b are the second mode along x, with 6 % of the mass
         f'[validate]\nprofile = "ECSS"\ntarget_modes = [{_labels(TARGETS)}]\ntarget_mass = 0.1',
+        '[report]\ndocument = "EX-01"\nrevision = "A"\nauthor = "femtune, example 01"\n'
+        'standard = "ECSS-E-ST-32-11C (31 July 2008)"\nexcitation = "ambient vibration"',
         f'[output]\nfolder = "{folder}"',
     ]
     return "\n\n".join(parts) + "\n"

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from femtune.steps.compare.function import compare
     from femtune.steps.correlate.function import correlate
     from femtune.steps.correlate.result import CorrelateResult
-    from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
+    from femtune.steps.files import modal_test, own_model, read_deck, read_matrices, read_test, write_deck, write_test
     from femtune.steps.identify.function import identify
     from femtune.steps.identify.result import IdentifyResult
     from femtune.steps.info.function import info
@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from femtune.steps.search.result import SearchResult
     from femtune.steps.select.function import select
     from femtune.steps.select.result import SelectResult
+    from femtune.steps.table import table
     from femtune.steps.update.function import update
     from femtune.steps.validate.function import validate
     from femtune.steps.view.function import view
@@ -135,7 +136,9 @@ __all__ = [
     "init",
     "intervals",
     "mac",
+    "modal_test",
     "modes",
+    "own_model",
     "plan",
     "plot",
     "posterior",
@@ -151,6 +154,7 @@ __all__ = [
     "search",
     "select",
     "simulate",
+    "table",
     "testing",
     "to_inference_data",
     "to_xarray",

@@ -6,7 +6,7 @@ import ast
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
-from inspect import Parameter, signature
+from inspect import Parameter, Signature, signature
 from numbers import Integral, Real
 from reprlib import repr as shortened
 from types import UnionType
@@ -55,7 +55,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
             given = declared.bind(*args, **words).arguments
         except TypeError as error:
             unknown = [word for word in words if word not in declared.parameters]
-            hint = did_you_mean(unknown[0], list(declared.parameters)) if unknown else ""
+            hint = did_you_mean(unknown[0], list(declared.parameters)) if unknown else _named(declared, len(args))
             raise FemtuneError("call.signature", function=called, reason=error, hint=hint or None) from None
         for name, value in given.items():
             parameter = declared.parameters[name]
@@ -66,6 +66,17 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         return function(*args, **words)
 
     return call
+
+
+def _named(declared: Signature, given: int) -> str:
+    """What to write if more arguments were given without a name than may be; "" if that is not so."""
+    kinds = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
+    free = [p.name for p in declared.parameters.values() if p.kind in kinds]
+    named = [p.name for p in declared.parameters.values() if p.kind is Parameter.KEYWORD_ONLY and p.name != "progress"]
+    if given <= len(free) or not named:
+        return ""
+    allowed = f"only {' and '.join(free)} may stand without a name" if free else "no argument may stand without a name"
+    return f"{allowed}; write the others as {', '.join(f'{name}=…' for name in named[:4])}"
 
 
 @cache

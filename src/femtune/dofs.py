@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import total_ordering
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from femtune.errors import FemtuneError
 
@@ -95,6 +95,16 @@ class DofSet:
 
     def __init__(self, dofs: Iterable[Dof]) -> None:
         self._dofs = tuple(dofs)
+        wrong = next((dof for dof in self._dofs if not isinstance(dof, Dof)), None)
+        if wrong is not None:
+            facts: dict[str, Any] = {
+                "name": "dofs",
+                "function": "DofSet",
+                "allowed": "a sequence of Dof",
+                "given": type(wrong).__name__,
+            }
+            hint = 'from texts: DofSet.parse(["12Z+", "13Z+"])'
+            raise FemtuneError("call.argument", values={"entry": repr(wrong)}, hint=hint, **facts)
         self._index = {(d.node, d.direction): i for i, d in enumerate(self._dofs)}
         if len(self._index) != len(self._dofs):
             raise FemtuneError("dof.duplicate", dof=self._first_repeated())

@@ -68,7 +68,9 @@ def _single(module: Any, name: str) -> Callable[..., SimpleNamespace]:
 
 
 def _whole(module: Any, name: str) -> Callable[..., SimpleNamespace]:
-    def step(path: Path, output: Path | None, wide: bool | None, fresh: bool, progress: Any) -> SimpleNamespace:
+    def step(
+        path: Path, output: Path | None, wide: bool | None, fresh: bool, progress: Any, choices: Path | None = None
+    ) -> SimpleNamespace:
         module.calls.append((name, Path(path), {"output": output, "wide": wide} | ({"fresh": True} if fresh else {})))
         folder = output or read_study_file(path).output_folder
         check_writable(folder)

@@ -10,6 +10,7 @@ import pytest
 
 from femtune.cli import display
 from femtune.cli.display import Display
+from femtune.cli.pace import Pace
 from femtune.study.progress import Progress, silent
 
 
@@ -37,7 +38,45 @@ def test_nothing_before_two_seconds(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_lines_every_few_seconds_without_markup(capsys: pytest.CaptureFixture[str]) -> None:
-    assert _lines(capsys, [0.0, 2.5, 3.0, 7.4, 7.6, 8.0]) == ["modes of [red] 1/9", "modes of [red] 4/9"]
+    lines = _lines(capsys, [0.0, 2.5, 3.0, 7.4, 7.6, 8.0])
+    assert lines == ["modes of [red] 1/9, about 20 s left", "modes of [red] 4/9, about 10 s left"]
+
+
+def test_the_remaining_time_is_that_of_the_last_parts() -> None:
+    pace = Pace()
+    recalled = [pace.left(0.01 * i, "starts", i, 100) for i in range(41)]
+    solved = [pace.left(60.0 * (i - 40), "starts", i, 100) for i in range(41, 62)]
+    assert set(recalled) == {""}
+    assert solved[-1] == "about 39 min left"
+
+
+@pytest.mark.parametrize("total", [None, 0])
+def test_a_step_without_a_number_of_parts_has_no_remaining_time(total: int | None) -> None:
+    pace = Pace()
+    assert [pace.left(10.0 * i, "solving", i, total) for i in range(4)] == [""] * 4
+
+
+def test_iterations_whose_text_changes_have_no_remaining_time() -> None:
+    """Their total is a limit, not what is to be done."""
+    pace = Pace()
+    assert {pace.left(10.0 * i, f"update: weighted mean error {5 - i} %", i, 30) for i in range(4)} == {""}
+
+
+def test_a_step_that_begins_again_has_the_pace_of_its_own_parts() -> None:
+    pace = Pace()
+    told = [pace.left(now, "runs", done, 4) for now, done in [(0.0, 0), (30.0, 1), (100.0, 0), (110.0, 1)]]
+    assert told == ["", "about 1 min 30 s left", "", "about 30 s left"]
+
+
+def test_no_time_is_left_at_the_end() -> None:
+    pace = Pace()
+    assert [pace.left(10.0 * i, "runs", i, 2) for i in range(3)][-1] == ""
+
+
+def test_reports_without_progress_count_down() -> None:
+    pace = Pace()
+    told = [pace.left(now, "runs", done, 3) for now, done in [(0.0, 0), (20.0, 1), (35.0, 1), (300.0, 1)]]
+    assert told == ["", "about 40 s left", "about 25 s left", "about 1 s left"]
 
 
 def test_count_without_total(capsys: pytest.CaptureFixture[str]) -> None:

@@ -351,3 +351,36 @@ def test_a_cluster_that_straddles_the_gate_gives_its_member_inside() -> None:
     assert found.key == ((0, 0),)
     assert found.pairs[0].mac == pytest.approx(1.0)
     assert abs(found.pairs[0].frequency_error) <= 0.25
+
+
+def test_a_pair_that_is_forbidden_is_not_made_and_is_named() -> None:
+    phi = _orthonormal()
+    model = _modes(TEST_HZ, phi)
+    found = pair_modes(_modes(TEST_HZ, phi), model, never=((1, 1), (3, 9)))
+    assert found.key == ((0, 0), (2, 2), (3, 3))
+    (alone,) = found.unpaired_test
+    assert alone.reason.endswith(f"; the study forbids its pair with model mode {model.labels[1]}")
+    assert found.unpaired_model == (1,)
+
+
+def test_a_forbidden_pair_gives_way_to_the_next_best() -> None:
+    phi = _orthonormal()
+    test = _modes(TEST_HZ, np.column_stack([phi[:, 0], 0.8 * phi[:, 1] + 0.6 * phi[:, 2], *phi[:, 2:].T]))
+    assert pair_modes(test, _modes(TEST_HZ, phi), mac_gate=0.3, frequency_gate=0.6).key[1] == (1, 1)
+    found = pair_modes(test, _modes(TEST_HZ, phi), mac_gate=0.3, frequency_gate=0.6, never=((1, 1), (2, 2)))
+    assert found.key == ((0, 0), (1, 2), (3, 3))
+
+
+def test_a_forbidden_member_forbids_the_whole_cluster() -> None:
+    phi = _orthonormal()
+    test, model = _modes([20.0, 20.1], phi[:, :2]), _modes([20.0, 20.0], phi[:, :2])
+    assert pair_modes(test, model, never=((0, 1),)).key == ((1, 1),)
+
+
+def test_a_forbidden_pair_without_shapes_keeps_the_order_of_the_others() -> None:
+    test, model = (ModeSet(TEST_HZ, np.zeros((0, 4)), DofSet([])) for _ in range(2))
+    found = pair_modes(test, model, never=((1, 1),))
+    assert found.key == ((0, 0), (2, 2), (3, 3))
+    (alone,) = found.unpaired_test
+    assert (alone.test, alone.reason.split("; ")[1]) == (1, "the study forbids it")
+    assert found.unpaired_model == (1,)

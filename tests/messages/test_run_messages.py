@@ -11,10 +11,12 @@ import pytest
 from click.testing import CliRunner
 from tests.messages.shown import check_shown
 
+import femtune as ft
 from femtune.cli import main
 from femtune.cli.guard import BAD_INPUT
 from femtune.errors import FemtuneError
 from femtune.files.study_file.reading import toml_text
+from femtune.steps.correlate.result import CorrelateResult
 from femtune.steps.run_folder import check_writable, read_results
 
 
@@ -55,6 +57,12 @@ def test_a_name_that_no_folder_can_have(tmp_path: Path, name: str, says: str) ->
         check_writable(tmp_path / name)
     assert caught.value.code == "run.unwritable"
     assert says in caught.value.what
+
+
+def test_a_comparison_without_a_verdict_has_no_page(tmp_path: Path) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        ft.report(CorrelateResult((), arrays={}), tmp_path / "page.html")
+    check_shown("run.no-page", str(caught.value))
 
 
 def test_a_full_disk_ends_a_command_with_a_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -79,7 +79,7 @@ def source() -> ReportSource:
     arrays |= {f"{s}/values": values for s in (*stages, "test")}
 
     class _Results:
-        responses, mode_shapes, update, mapped_damping, live = found, (), None, (), None
+        responses, mode_shapes, update, mapped_damping, live, correlations = found, (), None, (), None, ()
 
     return ReportSource(_Results(), arrays)  # type: ignore[arg-type]
 

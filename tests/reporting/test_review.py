@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from femtune.document.document import Document, Heading, Paragraph, Table
+from femtune.document.document import Document, Heading, Paragraph, Table, flat
 from femtune.reporting.html import html_text
 from femtune.steps.report.build import build_report
 from femtune.steps.report_source import ReportSource
@@ -65,7 +65,7 @@ def test_the_summary_names_changes_and_what_stays_open(
 ) -> None:
     """Also where FRFs or masses alone are compared."""
     data["correlations"] = data["correlations"] if modes else []
-    headings = [b.text for b in review(_source(data, arrays)) if isinstance(b, Heading)]
+    headings = [b.text for b in flat(review(_source(data, arrays))) if isinstance(b, Heading)]
     assert [h for h in headings if h in ("Acceptance criteria", "What changed", "What stays open")] == [
         "Acceptance criteria", "What changed", "What stays open",
     ]  # fmt: skip

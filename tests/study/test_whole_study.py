@@ -50,6 +50,7 @@ def test_true_values_are_found(done: RunResult) -> None:
 
 def test_the_folder_holds_all_files(done: RunResult) -> None:
     names = {"results.json", "arrays.npz", "history.jsonl", "updated.bdf", "report.html", "owner.json", "journal"}
+    names |= {"report.html.sha256"}
     assert {p.name for p in done.folder.iterdir()} == names
 
 

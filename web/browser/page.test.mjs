@@ -594,3 +594,42 @@ test("a browser that finds other numbers shows none", async () => {
   assert.equal(await page.locator(".livemodel").count(), 0);
   await close();
 });
+
+test("pairs, modes, sensors and parameters are chosen by pointer and keys, and saved as a file", async (t) => {
+  const path = pages.find((p) => /"choices":\{/.test(readFileSync(p, "utf8")));
+  if (!path) return t.skip("no page has choices");
+  for (const width of [1280, 390]) {
+    const { page, close } = await open(path, { viewport: { width, height: 800 } });
+    const data = (await viewOf(page)).choices, box = page.locator(".chooser"), of = data.configurations[0];
+    const cells = box.locator("table.mac button"), text = box.locator("textarea"), columns = of.numbers.length;
+    assert.equal(await cells.count(), of.test_labels.length * columns);
+    const begun = await text.inputValue();
+    // the pointer on one cell, the keys on its neighbour
+    await cells.nth(0).click();
+    const pair = `[[pair]]\nconfiguration = "${of.configuration}"\ntest = "${of.test_labels[0]}"\nmodel = ${of.numbers[0]}\n`;
+    assert.ok((await text.inputValue()).includes(pair));
+    await page.keyboard.press("ArrowRight");
+    await page.keyboard.press("Enter");
+    await page.keyboard.press("Enter");
+    assert.match(await box.locator("[role=status]").textContent(), /: never a pair\.$/);
+    const never = `[[never_pair]]\nconfiguration = "${of.configuration}"\ntest = "${of.test_labels[0]}"\nmodel = ${of.numbers[1]}\n`;
+    assert.ok((await text.inputValue()).includes(never));
+    assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label").includes("never a pair")), true);
+    // a mode that is left out needs a reason
+    await box.locator(".omitted input[type=checkbox]").last().uncheck();
+    await box.locator(".omitted input[type=checkbox]").first().check();
+    assert.match(await box.locator("[role=status]").textContent(), /State the reason/);
+    await page.keyboard.type('a "local" mode');
+    assert.ok((await text.inputValue()).includes('reason = "a \\"local\\" mode"'));
+    await box.locator(".boxes input").first().focus();
+    await page.keyboard.press("Space");
+    assert.ok((await text.inputValue()).includes(`sensor = "${of.sensors[0]}"`));
+    const download = page.waitForEvent("download");
+    await box.getByRole("button", { name: "Save choices.toml" }).click();
+    assert.equal(await contents(await download), await text.inputValue());
+    await box.getByRole("button", { name: "As in the study" }).click();
+    assert.equal(await text.inputValue(), begun);
+    assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), "the page does not scroll sideways");
+    await close();
+  }
+});

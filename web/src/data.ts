@@ -49,7 +49,13 @@ export interface LiveConfiguration {
 export interface Live {
   parameters: LiveParameter[]; narrowed: boolean; rejected: boolean; mass_unit: string; x: number[]; region: LiveRegion | null; draws: LiveDraws | null; configurations: LiveConfiguration[]; others: { kind: string; chi_square: number }[];
 }
-export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null; stabilisation: Stabilisation | null; live: Live | null }
+export interface ModeChoices {
+  configuration: string; test_labels: string[]; test_freq_hz: number[]; numbers: number[]; model_freq_hz: number[]; mac: Packed;
+  pairs: [string, number][]; fixed: [string, number][]; never: [string, number][]; left_out: [string, string][]; sensors: string[]; off: string[];
+}
+export interface FieldChoice { name: string; field: string; what: string; value: number; lower: number; upper: number; chosen: boolean }
+export interface Choices { inputs: { path: string; sha256: string }[]; configurations: ModeChoices[]; fields: FieldChoice[] }
+export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null; stabilisation: Stabilisation | null; live: Live | null; choices: Choices | null }
 
 const BYTES = { u1: 1, u2: 2, u4: 4, i1: 1, i2: 2, f4: 4, f8: 8 };
 

@@ -2,7 +2,7 @@
 
 import { h } from "./dom.ts";
 
-export interface MatrixCell { row: number; column: number; value: number; pair: boolean; label: string; disabled: boolean }
+export interface MatrixCell { row: number; column: number; value: number; pair: boolean; label: string; disabled: boolean; look?: string; sign?: string }
 
 const BLUES = [[247, 250, 253], [195, 216, 234], [117, 165, 207], [45, 108, 166], [14, 58, 102]];
 
@@ -30,10 +30,10 @@ export class MatrixGrid {
 
   private button(cell: MatrixCell, i: number, k: number, chosen: (cell: MatrixCell) => void): HTMLButtonElement {
     const known = cell.value >= 0;
-    const text = known && cell.value >= 0.095 ? cell.value.toFixed(2) : "";
+    const text = (cell.sign ?? "") + (known && cell.value >= 0.095 ? cell.value.toFixed(2) : "");
     const button = h("button", {
       type: "button", tabindex: i + k === 0 ? 0 : -1, "aria-label": cell.label, title: cell.label, "aria-pressed": "false",
-      class: cell.pair ? "pair" : "", disabled: cell.disabled, click: () => chosen(cell),
+      class: cell.look ?? (cell.pair ? "pair" : ""), disabled: cell.disabled, click: () => chosen(cell),
     }, text);
     const [ground, ink] = shade(known ? cell.value : 0);
     button.style.backgroundColor = ground;
@@ -48,6 +48,15 @@ export class MatrixGrid {
     if (!found) return;
     found.setAttribute("aria-pressed", "true");
     found.tabIndex = 0;
+  }
+
+  /** Take the focus to a cell. */
+  focus(i: number, k: number): void {
+    for (const line of this.buttons) for (const b of line) b.tabIndex = -1;
+    const found = this.buttons[i]?.[k];
+    if (!found) return;
+    found.tabIndex = 0;
+    found.focus();
   }
 
   private key(e: KeyboardEvent): void {

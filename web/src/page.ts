@@ -1,5 +1,6 @@
 // What the page can do besides moving shapes: tables, pictures, functions and iterations.
 
+import { Chooser } from "./choices.ts";
 import { readView } from "./data.ts";
 import { h } from "./dom.ts";
 import { fixed, FunctionPlot } from "./functions.ts";
@@ -39,4 +40,5 @@ for (const section of new Set(view?.functions.map((f) => f.section))) {
   atHead(section === "responses" ? ["responses", "frequency_responses"] : [section], h("h3", {}, "Look closer"), ...plots);
 }
 if (view?.stabilisation) atHead(["poles"], h("h3", {}, "Pick poles"), new StabilisationPlot(view.stabilisation).element);
+if (view?.choices) atHead(["mac", "compared"], h("h3", {}, "Choose by hand"), new Chooser(view.choices).element);
 if (view?.history) atHead(["convergence"], new Iterations(view.history).element);

@@ -119,8 +119,13 @@ def schema(kind: str) -> None:
     click.echo(schema_text(kind), nl=False)
 
 
+def _codes_that_begin(context: click.Context, argument: click.Parameter, begun: str) -> list[str]:
+    """Codes for the completion of a shell."""
+    return [code for code in codes() if code.startswith(begun.lstrip("["))]
+
+
 @main.command()
-@click.argument("code")
+@click.argument("code", shell_complete=_codes_that_begin)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
 def explain(code: str, as_json: bool) -> None:
     """Explain the code of an error or notice, and how to fix it.

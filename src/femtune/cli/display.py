@@ -1,4 +1,7 @@
-"""Progress on standard error: nothing for two seconds, then a bar on a terminal or a line now and then elsewhere."""
+"""Progress on standard error: nothing for two seconds, then a bar on a terminal or a line now and then elsewhere.
+
+Both tell the remaining time of a step that counts its parts.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from femtune.cli.pace import Pace
 from femtune.errors import printable
 from femtune.study.progress import log_step
 
@@ -34,7 +38,7 @@ class Display:
 
     def __enter__(self) -> Display:
         if not self._quiet:
-            self._show = _Bar() if sys.stderr.isatty() else _Lines(self._clock)
+            self._show = _Bar(self._clock) if sys.stderr.isatty() else _Lines(self._clock)
         return self
 
     def __exit__(
@@ -62,12 +66,13 @@ class _Lines:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._next = clock() + QUIET_S
+        self._next, self._pace = clock() + QUIET_S, Pace()
 
     def step(self, text: str, done: int, total: int | None) -> None:
+        left = self._pace.left(self._clock(), text, done, total)
         if self._clock() >= self._next:
             count = f" {done}/{total}" if total else f" {done}" if done else ""
-            click.echo(f"{text}{count}", err=True)
+            click.echo(f"{text}{count}{left and ', '}{left}", err=True)
             self._next = self._clock() + BETWEEN_LINES_S
 
     def close(self) -> None:
@@ -80,8 +85,10 @@ class _Bar:
     The timer imports rich: a command of less than two seconds does not need it.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock, self._pace = clock, Pace()
         self._said: tuple[str, int, int | None] = ("", 0, None)
+        self._left = ""
         self._bar: Progress | None = None
         self._lock, self._closed = threading.Lock(), False
         self._timer = threading.Timer(QUIET_S, self._appear)
@@ -99,13 +106,13 @@ class _Bar:
 
     def step(self, text: str, done: int, total: int | None) -> None:
         with self._lock:
-            self._said = (text, done, total)
+            self._said, self._left = (text, done, total), self._pace.left(self._clock(), text, done, total)
             if self._bar is not None:
                 self._tell(self._bar)
 
     def _tell(self, bar: Progress) -> None:
         text, done, total = self._said
-        bar.update(bar.task_ids[0], description=text, completed=done, total=total)
+        bar.update(bar.task_ids[0], description=text, completed=done, total=total, left=self._left)
 
     def close(self) -> None:
         self._timer.cancel()
@@ -126,7 +133,8 @@ def _new_bar() -> Progress:
         progress.BarColumn(),
         progress.MofNCompleteColumn(),
         progress.TimeElapsedColumn(),
+        progress.TextColumn("{task.fields[left]}", markup=False),
     )
     bar = progress.Progress(*columns, console=Console(stderr=True), transient=True)
-    bar.add_task("", total=None)
+    bar.add_task("", total=None, left="")
     return bar

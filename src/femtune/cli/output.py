@@ -104,9 +104,13 @@ def document_of(run: RunResult, progress: Progress) -> Document:
     """The report of a run as data, with the names of the files that were written."""
     progress.step("reading the results", 0, None)
     from femtune.document.document import Paragraph, Section  # noqa: PLC0415
+    from femtune.files.whole_file import digest_of  # noqa: PLC0415
     from femtune.steps.report.build import build_report  # noqa: PLC0415
 
     document = build_report(run.results, run.arrays)
     names = (*((run.report.name,) if run.report else ()), *run.files)
-    files = Section("files", "Files", (Paragraph(f"{run.folder}: {', '.join(names)}"),))
+    lines = [f"{run.folder}: {', '.join(names)}"]
+    if run.report is not None:
+        lines.append(f"SHA-256 of {run.report.name}: {digest_of(run.report)}")
+    files = Section("files", "Files", tuple(map(Paragraph, lines)))
     return replace(document, short=(*document.short, files))

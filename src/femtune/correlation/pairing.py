@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -345,6 +345,7 @@ class Pairing:
     frequency_gate: float
     mac_gate: float
     notices: tuple[Notice, ...] = ()
+    never: tuple[tuple[int, int], ...] = ()
 
     @property
     def test_indices(self) -> tuple[int, ...]:
@@ -374,6 +375,7 @@ def pair_modes(
     frequency_gate: float = 0.30,
     mac_gate: float = 0.50,
     fixed: Sequence[tuple[int, int]] = (),
+    never: Sequence[tuple[int, int]] = (),
     left_out: Mapping[int, str] | None = None,
     relative_gap: float = 0.01,
     rigid: int = 0,
@@ -388,6 +390,7 @@ def pair_modes(
     frequency_gate : largest |model − test|/test
     mac_gate : smallest MAC (after rotation, within clusters)
     fixed : (test, model) positions paired by hand, regardless of the gates
+    never : (test, model) positions that are not paired
     left_out : reason for each test position that is not to be paired
     relative_gap : neighbours this close belong to one cluster, see `femtune.modal.clusters`
     rigid : number of rigid-body modes of the model, its first modes, which the order of frequencies passes over
@@ -400,25 +403,59 @@ def pair_modes(
     left_out = dict(left_out or {})
     _check_gates(frequency_gate, mac_gate)
     if not len(test.dofs):
-        return _pairs_in_order(test, model, fixed, left_out, (frequency_gate, mac_gate), rigid)
+        gates = (frequency_gate, mac_gate)
+        return _without_never(model, _pairs_in_order(test, model, fixed, left_out, gates, rigid), never)
     _check_requests(len(test), len(model), fixed, left_out)
     comparison = candidates(test, model, relative_gap)
     allowed = (np.abs(comparison.frequency_error) <= frequency_gate) & (np.nan_to_num(comparison.score) >= mac_gate)
     allowed[list(left_out)] = False
+    _forbid(comparison, allowed, never)
     chosen, matches, refused = _settle(test, model, comparison, allowed, dict(fixed), mac_gate)
     pairs = _pairs(test, model, comparison, chosen, matches, dict(fixed))
     gates = (frequency_gate, mac_gate)
     unpaired = tuple(
         Unpaired(
             i,
-            left_out.get(i) or reason_unpaired(i, test, model, comparison, chosen, refused, gates),
+            left_out.get(i)
+            or reason_unpaired(i, test, model, comparison, chosen, refused, gates) + _forbidden(i, model, never),
             i in left_out,
         )
         for i in range(len(test))
         if i not in chosen
     )
     alone = tuple(j for j in range(len(model)) if j not in chosen.values())
-    return Pairing(pairs, unpaired, alone, matches, *gates, comparison.notices)
+    return Pairing(pairs, unpaired, alone, matches, *gates, comparison.notices, tuple(never))
+
+
+def _forbid(found: CandidatePairs, allowed: Allowed, never: Sequence[tuple[int, int]]) -> None:
+    """Switch off pairs in place; of a cluster all its modes, whose shapes are compared as one subspace."""
+    tests, models = allowed.shape
+    for i, j in never:
+        if i < tests and j < models:
+            allowed[i, list(_companions(j, found))] = False
+
+
+def _forbidden(i: int, model: ModeSet, never: Sequence[tuple[int, int]]) -> str:
+    names = [model.labels[j] for test, j in never if test == i and j < len(model)]
+    return f"; the study forbids its pair with model mode {', '.join(names)}" if names else ""
+
+
+def _without_never(model: ModeSet, found: Pairing, never: Sequence[tuple[int, int]]) -> Pairing:
+    """Pairs by the order of the frequencies without those that the study forbids; the order of the others stays."""
+    found = replace(found, never=tuple(never))
+    refused = [pair for pair in found.pairs if (pair.test, pair.model) in set(never)]
+    if not refused:
+        return found
+    told = [
+        Unpaired(p.test, f"in ascending order its partner is model mode {model.labels[p.model]}; the study forbids it")
+        for p in refused
+    ]
+    return replace(
+        found,
+        pairs=tuple(pair for pair in found.pairs if pair not in refused),
+        unpaired_test=tuple(sorted((*found.unpaired_test, *told), key=lambda one: one.test)),
+        unpaired_model=tuple(sorted((*found.unpaired_model, *(pair.model for pair in refused)))),
+    )
 
 
 def _check_gates(frequency_gate: float, mac_gate: float) -> None:

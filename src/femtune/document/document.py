@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -100,13 +100,15 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table; rows have a cell for each column; a `folded` one is shown on demand, and in print."""
+    """A table; rows have a cell for each column; a `folded` one is shown on demand, and in print; the last column of
+    one in `prose` has sentences."""
 
     title: str
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
     folded: bool = False
+    prose: bool = False
     kind: ClassVar[str] = "table"
 
     def __post_init__(self) -> None:
@@ -160,7 +162,37 @@ class Details:
     kind: ClassVar[str] = "details"
 
 
-Block = Paragraph | Heading | Listing | AlertBox | KeyNumbers | Table | Figure | FigureRow | Details
+@dataclass(frozen=True)
+class Beside:
+    """Two columns of blocks, side by side if there is room."""
+
+    left: tuple[Block, ...]
+    right: tuple[Block, ...]
+    kind: ClassVar[str] = "beside"
+
+
+Block = Paragraph | Heading | Listing | AlertBox | KeyNumbers | Table | Figure | FigureRow | Details | Beside
+
+
+def flat(blocks: Iterable[Block]) -> Iterator[Block]:
+    """The blocks, with those of columns one after another."""
+    for block in blocks:
+        if isinstance(block, Beside):
+            yield from flat((*block.left, *block.right))
+        else:
+            yield block
+
+
+@dataclass(frozen=True)
+class Approval:
+    """The lines for signatures: roles with names, "" for one that is not stated, and digests of what is signed.
+
+    `digests` are names of files with the SHA-256 of their bytes.
+    """
+
+    roles: tuple[tuple[str, str], ...]
+    digests: tuple[tuple[str, str], ...]
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -178,7 +210,7 @@ class Document:
     """The whole report: `verdict` is one sentence, `facts` are lines under the title, `short` fits a terminal.
 
     `genre` says what kind of report it is, above the title. `collect` returns what moves on the page, for who asks for
-    `view`; None for text and still pictures alone.
+    `view`; None for text and still pictures alone. `approval` stands below the first section.
     """
 
     title: str
@@ -189,6 +221,7 @@ class Document:
     short: tuple[Section, ...] = ()
     genre: str = "Model updating report"
     collect: Callable[[], PageView] | None = None
+    approval: Approval | None = None
 
     @cached_property
     def view(self) -> PageView | None:

@@ -224,6 +224,50 @@ class StabilisationView:
 
 
 @dataclass(frozen=True)
+class ModeChoicesView:
+    """Pairs of modes, modes and sensors of a configuration at the initial values.
+
+    `mac` is (test modes, model modes), −1 where it is not known; `pairs` are those of the run, of which `fixed` are
+    prescribed; pairs are a label of a test mode and a number of a model mode. `left_out` are labels with reasons.
+    """
+
+    configuration: str
+    test_labels: tuple[str, ...]
+    test_freq_hz: tuple[float, ...]
+    numbers: tuple[int, ...]
+    model_freq_hz: tuple[float, ...]
+    mac: Packed
+    pairs: tuple[tuple[str, int], ...]
+    fixed: tuple[tuple[str, int], ...]
+    never: tuple[tuple[str, int], ...]
+    left_out: tuple[tuple[str, str], ...]
+    sensors: tuple[str, ...]
+    off: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FieldChoiceView:
+    """A field of the deck that can be a parameter, with bounds of its factor; `chosen` if it is one."""
+
+    name: str
+    field: str
+    what: str
+    value: float
+    lower: float
+    upper: float
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class ChoicesView:
+    """What a reader can choose, and the files that the choices are of."""
+
+    inputs: tuple[InputView, ...]
+    configurations: tuple[ModeChoicesView, ...]
+    fields: tuple[FieldChoiceView, ...]
+
+
+@dataclass(frozen=True)
 class LiveParameterView:
     """A parameter with a slider; see `LiveParameter` of the results."""
 
@@ -373,11 +417,13 @@ class PageView:
     history: HistoryView | None = None
     stabilisation: StabilisationView | None = None
     live: LiveView | None = None
+    choices: ChoicesView | None = None
 
     @property
     def empty(self) -> bool:
         """True if nothing can be shown."""
-        return not (self.scenes or self.functions or self.history or self.stabilisation or self.live)
+        shown = (self.scenes, self.functions, self.history, self.stabilisation, self.live, self.choices)
+        return not any(shown)
 
     def json(self) -> str:
         """As JSON that may stand inside a script element: without the characters that could end it."""

@@ -24,6 +24,7 @@ from femtune.files.study_file.kinds import (
 from femtune.files.study_file.output import OutputTable
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
+from femtune.files.study_file.report import ReportTable
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
 from femtune.identification.kinds import KNOWN_INPUT, OF_SPECTRA, OUTPUT_ONLY, FrfEstimator, MethodWord, SpectraWindow
 from femtune.modal.kinds import FrfKind, Quantity, Role
@@ -282,6 +283,7 @@ class IdentifyFile(TomlTable):
     function: tuple[FunctionEntry, ...] = ()
     level: tuple[LevelEntry, ...] = ()
     linearity: LinearityTable = Field(default_factory=LinearityTable)
+    report: ReportTable = Field(default_factory=ReportTable)
     output: IdentifyOutputTable = Field(default_factory=IdentifyOutputTable)
 
     _path: Path = PrivateAttr(default=Path("identify.toml"))

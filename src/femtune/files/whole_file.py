@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
+import re
 import secrets
 import stat
 import tempfile
@@ -65,3 +67,21 @@ def _check_replaceable(path: Path) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
         raise OSError(errno.EINVAL, "it is a device or a pipe")
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of the bytes of a file, in hexadecimal digits."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+_DIGEST_BYTES = 4096
+"""Bytes of a file that may be a line of ``sha256sum``; a longer one is none."""
+_DIGEST_LINE = re.compile(rb"[0-9a-f]{64}  [^\n]+\n")
+
+
+def is_digest(path: Path) -> bool:
+    """Whether a file is a line of ``sha256sum``, which may be written again."""
+    if path.is_symlink() or not path.is_file() or path.stat().st_size > _DIGEST_BYTES:
+        return False
+    return _DIGEST_LINE.fullmatch(path.read_bytes()) is not None

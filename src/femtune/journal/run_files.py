@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from femtune.files.study_file import StudyFile
 
 REPORT_FILE = "report.html"
+DIGEST_FILE = "report.html.sha256"
+"""The SHA-256 of the report, which cannot contain it itself."""
 RESULTS_FILE = "results.json"
 ARRAYS_FILE = "arrays.npz"
 HISTORY_FILE = "history.jsonl"
@@ -115,6 +117,7 @@ def _of_deck(file: StudyFile) -> bool:
 
 RUN_FILES = (
     RunFile(REPORT_FILE, ("run", "report")),
+    RunFile(DIGEST_FILE, ("run", "report")),
     RunFile(FRFS_FILE, UPDATES, wanted=lambda file: file.response is not None, each=True),
     RunFile(EXPANDED_FILE, UPDATES, wanted=lambda file: file.correlate.expand != "none", each=True),
     RunFile(VTU_FILE, UPDATES, wanted=lambda file: file.output.vtu, each=True),

@@ -65,6 +65,14 @@ class ModeSet:
     modal_a: NDArray[np.complex128] | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.dofs, DofSet):
+            facts: dict[str, Any] = {
+                "name": "dofs",
+                "function": "ModeSet",
+                "allowed": "DofSet",
+                "given": type(self.dofs).__name__,
+            }
+            raise FemtuneError("call.argument", values={"dofs": repr(self.dofs)[:80]}, **facts)
         for name in ("freq_hz", "damping_ratio", "freq_sd_hz", "shapes_sd", "damping_sd", "covariance"):
             object.__setattr__(self, name, read_only(getattr(self, name), float))
         object.__setattr__(self, "shapes", read_only(self.shapes))

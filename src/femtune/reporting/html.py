@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 from markupsafe import Markup
 
-from femtune.document.document import Figure, FigureRow
+from femtune.document.document import Figure, FigureRow, flat
 from femtune.errors import FemtuneError, Where, printable
 from femtune.files.whole_file import check_writable, write_whole
 from femtune.study.progress import silent
@@ -45,7 +45,7 @@ def write_html(document: Document, path: Path | str, progress: Progress = silent
 
 def _draw(document: Document, progress: Progress) -> None:
     """Draw all pictures, which a document keeps."""
-    blocks = [block for section in document.sections for block in section.blocks]
+    blocks = [block for section in document.sections for block in flat(section.blocks)]
     rows = [block.figures if isinstance(block, FigureRow) else (block,) for block in blocks]
     figures = [figure for row in rows for figure in row if isinstance(figure, Figure)]
     for i, figure in enumerate(figures):

@@ -20,6 +20,7 @@ from femtune.document.document import (
     Listing,
     Paragraph,
     Table,
+    flat,
 )
 from femtune.errors import printable
 
@@ -37,7 +38,7 @@ def print_terminal(document: Document, console: Console | None = None) -> None:
     console.print(_text(document.verdict, _LEVELS[document.verdict_level]))
     for section in document.short:
         console.rule(_text(section.title, "bold"), align="left")
-        for block in section.blocks:
+        for block in flat(section.blocks):
             for renderable in _render(block):
                 console.print(renderable)
 

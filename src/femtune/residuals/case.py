@@ -149,6 +149,7 @@ class ComparedCase:
     sensors : (s, n_free) rows that sample the free DOFs at the sensors
     left_out : reason by position of a test mode
     fixed : (test, model) positions paired by hand
+    never : (test, model) positions that are not paired
     count, max_hz : which model modes are solved for; one of them
     solver : who computes solutions of the full model
     residuals : what is compared here
@@ -160,6 +161,7 @@ class ComparedCase:
     sensors: sp.csr_array
     left_out: Mapping[int, str] = field(default_factory=dict)
     fixed: tuple[tuple[int, int], ...] = ()
+    never: tuple[tuple[int, int], ...] = ()
     count: int | None = None
     max_hz: float | None = None
     rules: PairingRules = PairingRules()

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.correlation import Pairing, pair_modes
 from femtune.correlation.order import other_orders, scatter
 from femtune.correlation.pairing import closeness, visible_modes
@@ -38,6 +39,7 @@ def pair_case(case: ComparedCase, solution: EigenSolution) -> Pairing:
         mac_gate=case.rules.mac_gate,
         relative_gap=case.rules.relative_gap,
         fixed=case.fixed,
+        never=case.never,
         left_out=case.left_out,
         rigid=0 if len(case.test.dofs) else rigid_count(case, solution),
     )
@@ -169,7 +171,7 @@ def other_pairings(
     partner = {g[0][0]: g[1][0] for g in groups if len(g[0]) == len(g[1]) == 1 and g[0][0] not in fixed}
     taken = {j for _, models in groups for j in models}
     free = [int(j) for j in np.flatnonzero(visible_modes(model)) if j not in taken]
-    near = distance <= np.log(_OPEN_RATIO) ** 2
+    near = _near(case, distance)
     pairings: list[OtherPairing] = []
 
     def consider(new: dict[int, int], sentence: str) -> None:
@@ -187,6 +189,15 @@ def other_pairings(
             if other > i:
                 consider({i: k, other: j}, _with(case, {i: k, other: j}))
     return sorted(pairings, key=lambda one: (one.loss, one.sentence))
+
+
+def _near(case: ComparedCase, distance: Reals) -> NDArray[np.bool_]:
+    """(t, m) pairs whose frequencies are near enough, without those that the study forbids."""
+    near = np.asarray(distance <= np.log(_OPEN_RATIO) ** 2)
+    for i, j in case.never:
+        if j < near.shape[1]:
+            near[i, j] = False
+    return near
 
 
 def _other_orders(
@@ -207,7 +218,7 @@ def _other_orders(
             f"{case.name}: {_missed(one.skipped[0], model_hz)}",
         )
         for one in other_orders(hz, model_hz, partners, rigid_count(case, solution))
-        if one.of_model
+        if one.of_model and not set(case.never) & set(one.partners.items())
     ]
 
 
@@ -223,8 +234,8 @@ def crossed(case: ComparedCase, groups: Sequence[Group]) -> bool:
 
 def in_order(case: ComparedCase, groups: Sequence[Group]) -> tuple[Group, ...]:
     """Test modes and their model modes paired one by one by the order of their frequencies; with pairs that are fixed
-    by hand the groups as they are."""
-    if case.fixed:
+    or forbidden by hand the groups as they are."""
+    if case.fixed or case.never:
         return tuple(groups)
     tests = sorted((i for group, _ in groups for i in group), key=lambda i: float(case.test.freq_hz[i]))
     models = sorted(j for _, group in groups for j in group)

@@ -413,6 +413,9 @@ class FunctionSolver:
                 else SolvedModes.of_frequencies(np.asarray(returned, float))
             )
             fault = self.checks.fault(modes)
+        except FemtuneError:
+            # what it returned has a wrong form, at every point
+            raise
         except Exception as error:
             return RunOutcome(key, None, (Failure(FailureKind.EXIT_CODE, f"{type(error).__name__}: {error}"),))
         if fault:

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from femtune.sampling.chains import ChainRules, ChainSamples, run_chains
     from femtune.sampling.coordinates import NormalBox
     from femtune.sampling.likelihood import Likelihood, NoiseGroup, NuisanceClass, noise_groups
-    from femtune.sampling.model import SolvedSample, Solving, kept_blocks
+    from femtune.sampling.model import Shift, SolvedSample, Solving, kept_blocks
     from femtune.sampling.sampler import GOOD_ERROR, LARGEST_K, PosteriorSamples, Sampler, SamplingRules
     from femtune.sampling.shape import Bend, bends, far_from, weighted_quantiles
     from femtune.sampling.surrogate import Known, Scaled
@@ -31,6 +31,7 @@ __all__ = [
     "Sampler",
     "SamplingRules",
     "Scaled",
+    "Shift",
     "SmoothedWeights",
     "SolvedSample",
     "Solving",

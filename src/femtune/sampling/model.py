@@ -33,6 +33,22 @@ class SolvedSample:
 
 
 @dataclass(frozen=True, eq=False)
+class Shift:
+    """What changes of the model add to its residuals: constant + slope (x − about), of the sampled parameters.
+
+    Parameters
+    ----------
+    about : (k′,)
+    constant : (n,)
+    slope : (n, k′)
+    """
+
+    about: Reals
+    constant: Reals
+    slope: Reals
+
+
+@dataclass(frozen=True, eq=False)
 class Solving:
     """The model at samples. Called with values of the sampled parameters and whether derivatives are wanted.
 
@@ -41,12 +57,14 @@ class Solving:
     at : the result, from which pairs are followed
     side : constraint of the update; its informative rows are a prior
     moving : (k′,) positions of the sampled parameters; the others stay
+    shift : added to the residuals; None for the model as it is
     """
 
     problem: UpdateProblem
     at: Evaluation
     side: SideConstraint
     moving: Integers
+    shift: Shift | None = None
 
     def __call__(self, task: tuple[Reals, bool]) -> SolvedSample:
         """The residuals at a sample."""
@@ -68,10 +86,12 @@ class Solving:
         prior, rows = self.side.rows(evaluation.x)
         known = np.broadcast_to(self.side.informative, len(prior))
         values = np.concatenate([*(b.values for b in blocks), prior[known]])
+        if self.shift is not None:
+            values = values + self.shift.constant + self.shift.slope @ (evaluation.x[self.moving] - self.shift.about)
         if not derivatives:
             return SolvedSample(values, None, anew)
-        J = np.concatenate([*(b.jacobian for b in blocks), rows[known]])
-        return SolvedSample(values, J[:, self.moving], anew)
+        J = np.concatenate([*(b.jacobian for b in blocks), rows[known]])[:, self.moving]
+        return SolvedSample(values, J if self.shift is None else J + self.shift.slope, anew)
 
     @property
     def priors(self) -> int:

@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import scipy.linalg as la
+from scipy.optimize import minimize
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
@@ -71,6 +72,14 @@ _SOFT = 6.0
 """Distance past the limits of the logarithm of a size at which its prior is nothing: e⁻¹²."""
 _INNER = 2.5
 """Place in standard normal coordinates where chains begin that would begin on a bound."""
+
+
+_MOST_STEPS = 500
+"""Of the search for the highest density."""
+_FAR = 6.0
+"""Place in standard normal coordinates that is as good as a bound."""
+
+_Density: TypeAlias = Callable[[Reals], tuple[Reals, Reals]]
 
 
 class ModelAtSamples(Protocol):
@@ -148,7 +157,7 @@ class _Drawn:
     surrogate: PolynomialResiduals
     reduced: ReducedSurrogate
     chain: ChainSamples
-    density: Callable[[Reals], tuple[Reals, Reals]]
+    density: _Density
 
 
 @dataclass(eq=False)
@@ -160,6 +169,8 @@ class Sampler:
     start : the model at the result of the update, with its Jacobian
     scaled : coordinates of surrogates, not yet scaled
     model : solves
+    alone : the model as it is, from which samples with errors of the data alone are taken; None where `model` is that
+        model
     tell : is told what is done, in words
     """
 
@@ -170,6 +181,7 @@ class Sampler:
     model: ModelAtSamples
     rules: SamplingRules
     tell: Callable[[str], None] = lambda text: None
+    alone: Known | None = None
     known: list[tuple[Known, Reals]] = field(default_factory=list)
     gradients: int = 0
     plain: int = 0
@@ -327,7 +339,27 @@ class Sampler:
         points = v + self.rng.standard_normal((chains, self.k)) @ root.T
         return np.column_stack([points, theta + 0.2 * self.rng.standard_normal((chains, len(theta)))])
 
-    def _drawn(self, surrogate: PolynomialResiduals, start: Reals, final: bool = True) -> _Drawn:
+    def most_likely(self) -> tuple[Reals, Reals, float]:
+        """Parameters (k,) and sizes of the errors (t,) of the highest density, with the linearised residuals; its
+        logarithm."""
+        assert self.start.jacobian is not None
+        first = self._first()
+        surrogate = linear_surrogate(self.start.x, self.start.residuals, self.start.jacobian)
+        _, density = self._density(surrogate, first)
+        begin = first[np.argmax(density(first)[0])]
+
+        def function(z: Reals) -> tuple[float, Reals]:
+            log, slope = density(z[None])
+            return -float(log[0]), -slope[0]
+
+        # steps of the search may be long: neither sizes nor places leave where they mean something
+        ends = [np.log(c.limits) + np.array([-_SOFT, _SOFT]) for c in self.likelihood.classes]
+        bounds = [(-_FAR, _FAR)] * self.k + [_SIZES] * len(self.likelihood.estimated) + [tuple(e) for e in ends]
+        begin = np.clip(begin, *np.array(bounds).T)
+        end = minimize(function, begin, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": _MOST_STEPS})
+        return self.box.inside(end.x[None, : self.k])[0], end.x[self.k :], -float(end.fun)
+
+    def _density(self, surrogate: PolynomialResiduals, start: Reals) -> tuple[ReducedSurrogate, _Density]:
         k = self.k
         reduced = surrogate.for_chains(self.likelihood, self.box.inside(start[:, :k]), self._sigma(start[:, k:]))
 
@@ -338,6 +370,10 @@ class Sampler:
             slope = np.column_stack([by_x * self.box.slope(v) - v, by_theta + by_prior])
             return log + log_normal(v) + prior, slope
 
+        return reduced, density
+
+    def _drawn(self, surrogate: PolynomialResiduals, start: Reals, final: bool = True) -> _Drawn:
+        reduced, density = self._density(surrogate, start)
         rules = self.rules.chain
         if not final:
             rules = replace(rules, windows=tuple(w // 2 for w in rules.windows), most=rules.kept)
@@ -353,7 +389,12 @@ class Sampler:
         self.tell("chains with errors of the data alone")
         alone = replace(self, likelihood=self.likelihood.without_classes(), known=[], tried=[])
         start = drawn.chain.values[-1][:, : self.k + len(self.likelihood.estimated)]
-        return self.box.inside(alone._drawn(drawn.surrogate, start).chain.flat[:, : self.k])
+        surrogate = drawn.surrogate
+        if self.alone is not None and self.alone.jacobian is not None:
+            surrogate = linear_surrogate(self.alone.x, self.alone.residuals, self.alone.jacobian)
+            alone.start = self.alone
+            start = alone._first()
+        return self.box.inside(alone._drawn(surrogate, start).chain.flat[:, : self.k])
 
     def _sigma(self, theta: Reals) -> Reals:
         """Mean factor of each group."""

@@ -15,10 +15,13 @@ from femtune.files.nastran.write import plan_edits
 from femtune.files.nastran.write import write_deck as write_files
 from femtune.files.shape_table import is_shape_table, read_shape_table
 from femtune.files.uff import read_uff, write_uff_frfs, write_uff_modes
-from femtune.study.described import Model, model_of_deck, model_of_matrices, units_word
+from femtune.study.described import Model, model_of_deck, model_of_function, model_of_matrices, units_word
+from femtune.study.given_test import modal_test_of_arrays
 from femtune.units import SI, unit_system
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from femtune.dofs import DofSet
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
@@ -56,7 +59,7 @@ def read_matrices(
     *,
     viscous: Any = (),
     hysteretic: Any = (),
-    dofs: Path | str | Sequence[Any] | DofSet | None = None,
+    dofs: Path | str | Sequence[Any] | NDArray[Any] | DofSet | None = None,
     units: str | UnitSystem | None = None,
     **words: Any,
 ) -> Model:
@@ -68,8 +71,8 @@ def read_matrices(
     stiffness, mass, viscous, hysteretic : (n, n) symmetric array, dense or sparse; a file; or a list of mappings with
         the keys of [[matrix]]: ``name``, ``file`` (a file or an array), ``record``, ``format``, ``factor``, ``at``; a
         parameter changes the factor of a matrix by its name, which is K, M, C or H for a single one
-    dofs : node and direction of each of the n rows: ``"12Z"`` or (node, component 1 to 6, 0 for a scalar point); or a
-        file that lists them. Rows of arrays without it are scalar points 1 to n
+    dofs : node and direction of each of the n rows: ``"12Z"`` or (node, component 1 to 6, 0 for a scalar point), also
+        as an array; or a file that lists them. Rows of arrays without it are scalar points 1 to n
     units : length-mass-s of the matrices; required for the comparison with a test
     words : keys of [model]: ``grid``, ``hold_singular``, ``listed_hz``, ``listing`` …; and ``variable``, a list of
         mappings with the keys of [[variable]]
@@ -90,6 +93,55 @@ def read_matrices(
     """
     kinds = {"stiffness": stiffness, "mass": mass, "viscous": viscous, "hysteretic": hysteretic}
     return model_of_matrices(kinds, units, dofs, **words)
+
+
+@checked
+def own_model(
+    model: Any,
+    *,
+    count: int,
+    dofs: Sequence[Any] | NDArray[Any] | DofSet | None = None,
+    units: str | UnitSystem | None = None,
+    version: str = "",
+) -> Model:
+    """A model of your own: a Python function of the parameters, or an object.
+
+    It takes the place of an external solver, see the guide page on external solvers: k parameters take 2k + 1 calls at
+    each point of an update, or one if derivatives are given.
+
+    Parameters
+    ----------
+    model : a function of a dictionary of the values by name, which returns frequencies (m,) in Hz, or frequencies and
+        shapes (n, m); or an object with such a method ``modes`` and, where derivatives are known, a method
+        ``derivatives`` that returns them by name of the parameter, in the form of what ``modes`` returns
+    count : number of modes that it returns, at least
+    dofs : (n,) node and direction of each row of the shapes, as for `read_matrices`
+    units : length-mass-s of the model; required for the comparison with a test
+    version : a word that changes where the model does; then runs in the folder of an earlier program are used again.
+        Without it they are not
+
+    Raises
+    ------
+    FemtuneError : ``call.argument``, ``dof.*``, ``units.unknown``; ``external.own-model`` when the study is read, for a
+        model that returns something else
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import femtune as ft
+    >>> def chain(values):
+    ...     stiffness = np.array([[values["k1"] + values["k2"], -values["k2"]], [-values["k2"], values["k2"]]])
+    ...     return np.sqrt(np.linalg.eigvalsh(stiffness)) / (2 * np.pi)
+    >>> found = ft.update(
+    ...     ft.own_model(chain, count=2, units="m-kg-s"),
+    ...     ft.modal_test([10.0, 25.0]),
+    ...     parameters=[ft.Parameter(k, lower=5e3, upper=2e4, absolute=True) for k in ("k1", "k2")],
+    ...     residuals=[ft.FrequencyResidual(sd=0.01)],
+    ... )
+    >>> bool(np.allclose(chain(found.values), [10.0, 25.0], rtol=1e-4))
+    True
+    """
+    return model_of_function(model, count, dofs, units, version)
 
 
 @checked
@@ -121,6 +173,53 @@ def read_test(
     if is_shape_table(Path(path)):
         return read_shape_table(Path(path), system or SI, name)
     return read_uff(path, units=None, file_units=system, records=records, name=name).test
+
+
+@checked
+def modal_test(
+    freq_hz: Any,
+    shapes: Any = None,
+    *,
+    dofs: Sequence[Any] | NDArray[Any] | DofSet | None = None,
+    freq_sd_hz: Any = None,
+    damping_ratio: Any = None,
+    points: Any = None,
+    units: str | UnitSystem | None = None,
+    name: str = "",
+) -> ModalTest:
+    """A test from arrays: measured frequencies, with or without mode shapes.
+
+    Parameters
+    ----------
+    freq_hz : (m,) frequencies in Hz; or an object with the modes: a result of pyOMA2, an EMA model of sdypy, or a table
+        of eigenvectors of pyNastran, whose shapes, damping and standard deviations are taken where they are not given
+    shapes : (n, m) real or complex, in any scale; NaN marks an entry that was not measured. Without shapes the
+        frequencies are compared in their order
+    dofs : (n,) node and direction of each row, as for `read_matrices`; scalar points 1 to n without it
+    freq_sd_hz : (m,) standard deviations in Hz, or one for all; residuals take them with ``sd="test"``
+    damping_ratio : (m,) fractions of critical damping, or one for all
+    points : coordinates by node number, ``{1: (0.0, 0.0, 0.5)}``, in the length unit of the test. Without them the
+        numbers of the nodes are those of the model: ``sensors={"by_id": True}``, which need not be stated for matrices
+        whose nodes have no coordinates
+    units : length-mass-s of the test; "m-kg-s" if it is not given
+    name : of the test
+
+    Raises
+    ------
+    FemtuneError : ``call.argument`` with the argument, its shape and the one that is expected; ``dof.*``,
+        ``units.unknown``
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> ft.modal_test([8.6, 15.9], [[0.5, 0.7], [0.7, 0.0], [0.5, -0.7]], dofs=["1Z", "2Z", "3Z"], freq_sd_hz=0.02)
+    ModalTest: arrays, 0 points, 0 sensors, 2 modes, units m-kg-s
+    """
+    system = SI if units is None else unit_system(units_word(units))
+    return modal_test_of_arrays(
+        freq_hz, shapes, dofs, freq_sd_hz=freq_sd_hz, damping_ratio=damping_ratio, points=points, units=system,
+        name=name,
+    )  # fmt: skip
 
 
 @checked

@@ -12,9 +12,19 @@ from typing import TYPE_CHECKING
 
 from femtune.files.study_file.reading import is_deck, is_file, read_study_file
 from femtune.files.study_file.study import StudyFile
+from femtune.files.whole_file import is_digest
 from femtune.journal.finished import is_of_runs
 from femtune.journal.owner import Owner, check_foreign, check_owner, digests, sign
-from femtune.journal.run_files import JOURNAL_FOLDER, OWNER_FILE, REPORT_FILE, VTU_FILE, Role, forget, made_by
+from femtune.journal.run_files import (
+    DIGEST_FILE,
+    JOURNAL_FOLDER,
+    OWNER_FILE,
+    REPORT_FILE,
+    VTU_FILE,
+    Role,
+    forget,
+    made_by,
+)
 from femtune.steps.modes.vtu_files import check_cells
 from femtune.steps.run_folder import check_writable, unwritable
 from femtune.steps.run_lock import locked
@@ -94,7 +104,7 @@ class RunFolder:
     def keep(self, names: Iterable[str]) -> None:
         """Write down the files that the run has made (error ``run.unwritable``)."""
         known = self.owner.files or {}
-        begun = {name for name, known_digest in known.items() if not known_digest} - {REPORT_FILE}
+        begun = {name for name, known_digest in known.items() if not known_digest} - {REPORT_FILE, DIGEST_FILE}
         earlier = {n: d for n, d in known.items() if n not in begun and os.path.lexists(self.path / n)}
         try:
             sign(self.path, *identity(self.file), {**earlier, **digests(self.path, names)})
@@ -126,7 +136,8 @@ def held(file: StudyFile, folder: Path, step: str) -> Iterator[RunFolder]:
 
                 # a page of an earlier report may be replaced
                 check_page(folder / REPORT_FILE)
-            check_foreign(folder, owner, [name for name in planned if name != REPORT_FILE])
+            replaced = {REPORT_FILE, *({DIGEST_FILE} if is_digest(folder / DIGEST_FILE) else ())}
+            check_foreign(folder, owner, [name for name in planned if name not in replaced])
             if owner is None:
                 check_foreign(folder, None, _not_of_a_run(folder, file, step))
             before = _there(folder, file, step)

@@ -328,4 +328,7 @@ EIGENSOLVER = click.Option(
     ["--eigensolver"], type=click.Choice(["own", "slepc"]), expose_value=False, callback=choose_eigensolver,
     help="slepc: distributed over MPI, for models too large for one machine.",
 )  # fmt: skip
+CHOICES = click.Option(
+    ["--choices"], type=FILE, metavar="FILE", help="Choices that were made on the page of a report, as saved there.",
+)  # fmt: skip
 WIDE = click.Option(["--wide"], is_flag=True, default=None, help="Write changed cards in large-field format.")

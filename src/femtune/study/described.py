@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _NAME = "Study"
 """What errors name in place of a file: the class that users call."""
-_KEYS_OF_STUDY = ("title", "units", "allow_ignored", "journal", "journal_gib")
+_KEYS_OF_STUDY = ("title", "units", "allow_ignored", "choices", "journal", "journal_gib")
 """Keys of [study] that are arguments of their own; the other arguments are tables."""
 _PLURALS = {
     "parameters": "parameter",
@@ -57,6 +57,7 @@ class Model:
     built : the assembled model
     tables : the keys of a study file for this model
     matrices : arrays that were given instead of files, by the names that stand for these
+    own_model : the function of `femtune.own_model`, in the same way
 
     Examples
     --------
@@ -71,21 +72,30 @@ class Model:
 
     path: Path
     units: str
-    built: BuiltModel
+    built: BuiltModel | None
     tables: Mapping[str, Any] = field(default_factory=dict)
     matrices: Mapping[str, Any] = field(default_factory=dict)
+    own_model: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def structure(self) -> Structure:
         """Grid points, elements and values."""
-        return self.built.structure
+        return self._known.structure
+
+    @property
+    def _known(self) -> BuiltModel:
+        if self.built is None:
+            raise FemtuneError("external.own-model/no-structure", name=self.path.name)
+        return self.built
 
     @property
     def notices(self) -> tuple[Notice, ...]:
         """Notices of the reader."""
-        return self.built.notices
+        return () if self.built is None else self.built.notices
 
     def __repr__(self) -> str:
+        if self.built is None:
+            return f"{type(self).__name__}: {self.path.name}, a Python function"
         points, elements = len(self.structure.nodes.ids), len(self.structure.element_kinds)
         units = f"units {self.units}" if self.units else "no units"
         return f"{type(self).__name__}: {self.path.name}, {points} grid points, {elements} elements, {units}"
@@ -139,6 +149,23 @@ def model_of_matrices(
     file = study_from_data(data, Path.cwd() / "matrices", StudyLines("read_matrices"), objects)
     path = Path(model_source(file).name)
     return Model(path, units_word(units), build_imported(file), tables, given.arrays)
+
+
+def model_of_function(model: Any, count: int, dofs: Any, units: str | UnitSystem | None, version: str) -> Model:
+    """A function of the user (errors as of `femtune.own_model`)."""
+    from femtune.study.own_model import INPUT, own_model_of  # noqa: PLC0415  few studies have one
+
+    own = own_model_of(model, dofs, version, "own_model")
+    tables = {
+        # what a study file would say of a solver; the function takes its place
+        "solver": {
+            "command": (own.name,), "templates": (INPUT,), "result": "modes.txt", "format": "table",
+            "version": own.version,
+        },
+        "modes": {"count": count},
+        "parallel": {"how": "serial"},
+    }  # fmt: skip
+    return Model(Path(own.name), units_word(units), None, tables, own_model={INPUT: own})
 
 
 class Study:
@@ -195,6 +222,8 @@ class Study:
         **tables: Any,
     ) -> None:
         words = {"parameters": parameters, "residuals": residuals, "configurations": configurations, **tables}
+        if words.get("choices") is not None:
+            words["choices"] = os.path.abspath(words["choices"])
         if units is not None:
             words["units"] = units_word(units)
         if output is not None:
@@ -230,17 +259,19 @@ class _Draft:
         """Set the model, or replace it."""
         if model is None:
             return
-        for key in ("matrix", "model", "variable"):
+        for key in ("matrix", "model", "variable", "solver"):
             self._drop(key)
         study = {k: v for k, v in self.data.get("study", {}).items() if k != "deck"}
         if isinstance(model, Model):
             known = bool(model.units) or "units" in study
-            self.given = replace(self.given, model=model.built, matrices=model.matrices, units_known=known)
+            self.given = replace(
+                self.given, model=model.built, matrices=model.matrices, own_model=model.own_model, units_known=known
+            )
             self.data |= {k: v for k, v in model.tables.items() if k != "study"}
             study = {**study, **model.tables.get("study", {})} | ({"units": model.units} if model.units else {})
             title = model.path.name
         else:
-            self.given = replace(self.given, model=None, matrices={}, units_known=True)
+            self.given = replace(self.given, model=None, matrices={}, own_model={}, units_known=True)
             study["deck"], title = os.path.abspath(model), Path(model).name
         self.data["study"] = {"title": title, **study}
 
@@ -306,6 +337,8 @@ class _Draft:
 
     def finished(self) -> StudyFile:
         """The study, checked (errors ``study.*`` and others, several together)."""
+        if self._only_numbers() and "sensors" not in self.data:
+            self.data["sensors"] = {"by_id": True}
         if not self.given.units_known and "units" not in self.data.get("study", {}) and not self._tested():
             # the units of a deck do not matter if nothing is compared with it
             self.data["study"] = {**self.data.get("study", {}), "units": "m-kg-s"}
@@ -313,6 +346,18 @@ class _Draft:
         text = None if data == self.of_file else json.dumps(data, sort_keys=True, default=repr)
         given = replace(self.given, tests=self.tests, residuals=self.residuals, text=text)
         return study_from_data(data, self.path, self.source, given)
+
+    def _only_numbers(self) -> bool:
+        """Whether model and tests are objects without coordinates, so that only their numbers can be compared."""
+        model, tests = self.given.model, self.tests.values()
+        if self.given.own_model:
+            return bool(tests)
+        return (
+            bool(tests)
+            and model is not None
+            and not model.structure.nodes.has_coordinates
+            and not any(len(test.geometry) for test in tests)
+        )
 
     def _tested(self) -> bool:
         return "test" in self.data or any("test" in c for c in self.data.get("configuration", ()))
@@ -354,6 +399,8 @@ Test = ModalTest | Path | str | Mapping[str, Any] | None
 def source_of(source: Path | str | Study | Model, **words: Any) -> Path | str | StudyFile:
     """What a step reads: a path as it is; a model or a path with further words as a study."""
     given = {name: value for name, value in words.items() if value is not None}
+    if "choices" in given:
+        given["choices"] = os.path.abspath(given["choices"])
     if isinstance(source, Study):
         return (Study(source, **given) if given else source).file
     if isinstance(source, Model):

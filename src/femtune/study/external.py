@@ -28,7 +28,16 @@ from femtune.journal.run_files import RUNS_FOLDER
 from femtune.journal.runs import RunJournal, open_run_journal
 from femtune.modal.beside import ModesBeside
 from femtune.model import configure, parametric_model, solve_modes
-from femtune.runs import ExternalSolver, Failure, ResultFile, RunOutcome, Templates, evaluate, read_template
+from femtune.runs import (
+    ExternalSolver,
+    Failure,
+    FunctionSolver,
+    ResultFile,
+    RunOutcome,
+    Templates,
+    evaluate,
+    read_template,
+)
 from femtune.runs.external import Checks
 from femtune.runs.repeatable import compare_repeated, described
 from femtune.runs.template import InputFiles, check_names
@@ -36,6 +45,7 @@ from femtune.study.beside_deck import DeckDerivatives, modes_beside
 from femtune.study.cases import overlay
 from femtune.study.error_places import errors_at
 from femtune.study.model_source import FromSolver
+from femtune.study.own_model import linear
 from femtune.study.parameters import assignments, parameter_set, targets
 from femtune.study.progress import silent
 from femtune.study.runs_model import built_of_tables, part_of
@@ -49,6 +59,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.solver import SolverTable
     from femtune.model import ConfiguredModel, ParametricModel
     from femtune.parameters import ParameterSet
+    from femtune.study.own_model import OwnModel
     from femtune.study.progress import Progress
 
 _RESULT_ROUNDING = 5e-7
@@ -178,7 +189,7 @@ class SolverRuns:
     """
 
     file: StudyFile
-    solvers: tuple[ExternalSolver, ...]
+    solvers: tuple[ExternalSolver | FunctionSolver, ...]
     executor: Executor
     journal: RunJournal
     progress: Progress = silent
@@ -217,7 +228,7 @@ class SolverRuns:
     @property
     def remarks(self) -> tuple[Notice, ...]:
         """What the journal tells, and files on which the runs depend and which were changed or cannot be compared."""
-        read = [solver.watched for solver in self.solvers]
+        read = [solver.watched for solver in self.solvers if isinstance(solver, ExternalSolver)]
         unread, changed = (
             ", ".join(dict.fromkeys(path for one in read for path in paths(one)))
             for paths in (lambda one: one.unread, lambda one: one.changed)
@@ -265,6 +276,8 @@ class SolverRuns:
         ------
         FemtuneError : ``external.failed`` where the point itself, or all points beside it for a parameter, fail
         """
+        if self.own is not None and self.own.derivatives is not None:
+            return self._by_own_derivatives(point, self.own)
         if self.by_deck and (tables := self._by_deck(point)) is not None:
             return tables
         offsets = [_within(i, point, self.steps, self.bounds) for i in range(len(point))]
@@ -279,6 +292,28 @@ class SolverRuns:
             rows += self._pair(i, point, some, outcomes)
         return self.tables(rows)
 
+    @property
+    def own(self) -> OwnModel | None:
+        """The user's own model in place of a solver."""
+        return next(iter(self.file.given.own_model.values()), None)
+
+    def _by_own_derivatives(self, point: Reals, own: OwnModel) -> tuple[RunsTable, ...]:
+        """One run at a point, and modes on both sides of it by the derivatives of the user's own model.
+
+        The central difference of what is linear is the derivative itself.
+        """
+        centre = self.run([point])[0]
+        modes = centre.parts[0].modes
+        if modes is None:
+            raise self.failed(point, centre)
+        slopes = own.slopes(dict(zip(self.names, map(float, point))), modes, self.names)
+        rows = [(point, centre)]
+        for i, name in enumerate(self.names):
+            for offset in _within(i, point, self.steps, self.bounds)[:2]:
+                beside = linear(modes, slopes[name], float(offset[i]))
+                rows.append((point + offset, PointRuns((RunOutcome("", beside),))))
+        return self.tables(rows)
+
     def _check_rounding(self, point: Reals, offsets: Sequence[Sequence[Reals]]) -> None:
         """Tell, or refuse, placeholders whose format rounds the difference between two runs (error
         ``external.placeholder/rounded-away``).
@@ -288,7 +323,8 @@ class SolverRuns:
                 self._tell_rounding(name, float(point[i]), float(offset[i]))
 
     def _tell_rounding(self, name: str, value: float, step: float) -> None:
-        templates = [t for solver in self.solvers for t in getattr(solver.inputs, "templates", ())]
+        inputs = [solver.inputs for solver in self.solvers if isinstance(solver, ExternalSolver)]
+        templates = [t for files in inputs if isinstance(files, Templates) for t in files.templates]
         fields = [pair for t in templates for pair in zip(t.read_back(name, value), t.read_back(name, value + step))]
         for (where, here), (_, there) in fields:
             if here == there:
@@ -355,6 +391,10 @@ class SolverRuns:
             values["configuration"] = entry.name
         if failure.folder:
             values["folder"] = failure.folder
+        if self.own is not None:
+            return FemtuneError(
+                "external.failed/own-model", values=values, failure=failure.sentence, name=self.own.name
+            )
         return FemtuneError("external.failed", values=values, failure=failure)
 
     def _pair(
@@ -456,6 +496,11 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     ------
     FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
     """
+    own = next(iter(file.given.own_model.values()), None)
+    if own is not None:
+        names = tuple(entry.name for entry in file.parameter)
+        solver = FunctionSolver(own.modes, names, own.version, Checks(file.modes.count or 1))
+        return _runs(file, (solver,), progress, fresh)
     inputs = _inputs(file)
     solvers = tuple(_solver(file, overrides, files) for overrides, files in zip(_solver_overrides(file), inputs))
     runs = _runs(file, solvers, progress, fresh)
@@ -497,7 +542,10 @@ def own_runs(file: StudyFile, overrides: ConfigurationSolver, where: Where) -> S
 
 
 def _runs(
-    file: StudyFile, solvers: tuple[ExternalSolver, ...], progress: Progress = silent, fresh: bool = False
+    file: StudyFile,
+    solvers: tuple[ExternalSolver | FunctionSolver, ...],
+    progress: Progress = silent,
+    fresh: bool = False,
 ) -> SolverRuns:
     parallel = file.parallel
     executor: Executor = (
@@ -605,7 +653,7 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bo
     finally:
         runs.journal.close()
     deck_notices, beside = tuple(runs.compared), tuple(runs.beside)
-    if not runs.decks and isinstance(runs.solvers[0].inputs, DeckFiles):
+    if not runs.decks and isinstance(getattr(runs.solvers[0], "inputs", None), DeckFiles):
         deck_notices, beside = _beside_own(file, runs, known)
     notices = (*_facts(runs, tables), *_hidden(built), *deck_notices, *runs.remarks)
     return replace(built, notices=notices, beside=beside)
@@ -627,7 +675,9 @@ def _beside_own(
 ) -> tuple[tuple[Notice, ...], tuple[ModesBeside, ...]]:
     """Differences between femtune's elements and the solver, mode by mode in their order, if femtune can solve the
     model."""
-    inputs, modes = runs.solvers[0].inputs, known.parts[0].modes
+    first, modes = runs.solvers[0], known.parts[0].modes
+    assert isinstance(first, ExternalSolver)
+    inputs = first.inputs
     assert isinstance(inputs, DeckFiles)
     assert modes is not None
     hz, where = modes.freq_hz, file.where("solver")
@@ -677,9 +727,10 @@ UPDATED_FOLDER = "updated"
 
 def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:
     """Write the input files with given values, beside the folders of the runs (error ``external.folder``)."""
-    folder = runs.solvers[0].folder / UPDATED_FOLDER
+    solvers = [solver for solver in runs.solvers if isinstance(solver, ExternalSolver)]
+    folder = runs.file.output_folder / RUNS_FOLDER / UPDATED_FOLDER
     try:
-        for i, solver in enumerate(runs.solvers):
+        for i, solver in enumerate(solvers):
             subfolder = folder if len(runs.solvers) == 1 else folder / _folder_name(runs.file, i)
             subfolder.mkdir(parents=True, exist_ok=True)
             for name, content in solver.inputs.files(values).items():

@@ -11,8 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.dofs import DIRECTIONS, Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError
+from femtune.study.given_dofs import given_dofs
 
 _DIGITS = 12
 """Hexadecimal digits of the checksum in the name of an array: no two matrices of a study share 48 bits by chance."""
@@ -59,14 +59,14 @@ class GivenMatrices:
         self.arrays[label] = array
         return label
 
-    def set_dofs(self, given: Sequence[Any] | DofSet) -> None:
+    def set_dofs(self, given: Any) -> None:
         """Names of the rows of the arrays (errors ``call.argument``, ``dof.syntax``, ``dof.duplicate``).
 
         A row along a negative direction changes its sign.
         """
         if self._first is None:
             raise FemtuneError("call.argument/dofs-without-arrays", name="dofs", function="read_matrices")
-        dofs = DofSet(map(_dof, given))
+        dofs = given_dofs(given, "read_matrices")
         argument, n = self._first
         if len(dofs) != n:
             raise FemtuneError(
@@ -86,13 +86,15 @@ def _square(given: Any, argument: str) -> Any:
         raise FemtuneError(
             "call.argument/matrix", values={argument: type(given).__name__}, name=argument, function="read_matrices"
         )
+    if not array.size and not sp.issparse(array):
+        raise FemtuneError("call.argument/matrix-empty", name=argument, function="read_matrices")
     if array.ndim != 2 or array.shape[0] != array.shape[1] or not array.shape[0]:
         rows = array.shape[0] if array.ndim else 1
         raise FemtuneError(
             "call.argument/matrix-shape", values={f"shape of {argument}": array.shape, "expected shape": (rows, rows)},
             name=argument, function="read_matrices",
         )  # fmt: skip
-    return array
+    return array if array.dtype.kind == "c" else array.astype(float)
 
 
 def _is_array(given: Any) -> bool:
@@ -113,16 +115,3 @@ def _checksum(array: Any) -> str:
     for part in parts:
         digest.update(np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()[:_DIGITS]
-
-
-def _dof(given: Any) -> Dof:
-    """A DOF as ``"12Z+"``, ``"12Z"``, (node, component) or `Dof`."""
-    if isinstance(given, Dof):
-        return given
-    if isinstance(given, str):
-        return parse_dof(given if given.strip()[-1:] in ("+", "-") else f"{given.strip()}+")
-    if isinstance(given, Iterable) and not isinstance(given, Mapping) and len(pair := list(given)) == 2:
-        node, component = pair
-        if component in range(len(DIRECTIONS)):
-            return parse_dof(f"{node}{DIRECTIONS[int(component)]}+")
-    raise FemtuneError("call.argument/dof", values={"entry": repr(given)}, name="dofs", function="read_matrices")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -67,7 +67,7 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
     notices = (*notices, *all_sensors.notices, *worst, *_of_frfs(file, entry, test.frfs))
     if test.modes is None:
         return case, notices
-    sensors = _of_modes(all_sensors, test.modes)
+    sensors = _without_off(file, entry, _of_modes(all_sensors, test.modes))
     compared = _compared(file, entry, case.configured, test.modes, sensors)
     return replace(
         case,
@@ -257,6 +257,27 @@ def _of_modes(sensors: SensorMap, modes: ModeSet) -> SensorMap:
     return replace(sensors, matrix=sp.csr_array(sensors.matrix[keep]), dofs=sensors.dofs.select(keep), matches=matches)
 
 
+def _without_off(file: StudyFile, entry: ConfigurationEntry, sensors: SensorMap) -> SensorMap:
+    """The sensors without those that the study switches off (error ``sensor.off-unknown``)."""
+    if not entry.sensors_off:
+        return sensors
+    at = {(dof.node, dof.direction): i for i, dof in enumerate(sensors.dofs)}
+    off = set()
+    for k, label in enumerate(entry.sensors_off):
+        dof = parse_dof(label)
+        if (dof.node, dof.direction) not in at:
+            where = place_of(file, entry, "sensors_off", k)
+            values = {"sensors": _some(sensors.dofs)}
+            raise FemtuneError("sensor.off-unknown", where=where, values=values, label=label, configuration=entry.name)
+        off.add(at[dof.node, dof.direction])
+    keep = [i for i in range(len(sensors.dofs)) if i not in off]
+    if len(keep) < 2:
+        where = place_of(file, entry, "sensors_off")
+        raise FemtuneError("sensor.off-unknown/none-left", where=where, configuration=entry.name)
+    matches = tuple(sensors.matches[i] for i in keep)
+    return replace(sensors, matrix=sp.csr_array(sensors.matrix[keep]), dofs=sensors.dofs.select(keep), matches=matches)
+
+
 def _read_test(
     file: StudyFile, entry: ConfigurationEntry, tests: dict[Path, UffFile]
 ) -> tuple[ModalTest, tuple[Notice, ...]]:
@@ -411,7 +432,8 @@ def _compared(
         known,
         sp.csr_array(sensors.matrix @ configured.transformation),
         _left_out(file, entry, known),
-        tuple(_fixed_pairs(file, entry, known)),
+        tuple(_stated_pairs(file, entry, known, "pairs")),
+        tuple(_never_paired(file, entry, known)),
         *_modes_wanted(file, known),
         PairingRules(gates.frequency_gate, gates.mac_gate, gates.cluster_gap),
     )
@@ -439,10 +461,25 @@ def _with_scatter(file: StudyFile, modes: ModeSet) -> ModeSet:
     return replace(modes, shapes_sd=entry_deviations(stated, modes.shapes))
 
 
-def _fixed_pairs(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> Iterable[tuple[int, int]]:
-    for i, pair in enumerate(entry.pairs):
-        where = place_of(file, entry, "pairs", i, "test")
+def _stated_pairs(
+    file: StudyFile, entry: ConfigurationEntry, modes: ModeSet, key: Literal["pairs", "never_pairs"]
+) -> Iterable[tuple[int, int]]:
+    for i, pair in enumerate(getattr(entry, key)):
+        where = place_of(file, entry, key, i, "test")
         yield _position(entry, modes, pair.test, where), pair.model - 1
+
+
+def _never_paired(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> Iterable[tuple[int, int]]:
+    """Pairs that are not made (error ``correlate.never-pair`` for one that is prescribed too)."""
+    fixed = set(_stated_pairs(file, entry, modes, "pairs"))
+    for i, pair in enumerate(_stated_pairs(file, entry, modes, "never_pairs")):
+        if pair in fixed:
+            named = entry.never_pairs[i]
+            raise FemtuneError(
+                "correlate.never-pair", where=place_of(file, entry, "never_pairs", i), test=named.test,
+                model=named.model,
+            )  # fmt: skip
+        yield pair
 
 
 def _left_out(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> dict[int, str]:

@@ -22,9 +22,10 @@ from femtune.journal.owner import IN_MEMORY
 from femtune.model import available_solvers
 from femtune.model.distributed import slepc_is_chosen
 from femtune.study.inputs import inputs_of_study
-from femtune.study.record import InputFile, Provenance, StepDuration, StudyFacts
+from femtune.study.record import InputFile, Provenance, ReportFacts, StepDuration, StudyFacts
 
 if TYPE_CHECKING:
+    from femtune.files.study_file.report import ReportTable
     from femtune.study.study import Study
 
 
@@ -124,4 +125,13 @@ def study_facts(study: Study) -> StudyFacts:
         deck_file=study.source.name,
         configurations=tuple(c.name for c in study.cases),
         imported=not study.source.writes_back,
+        choices_file=""
+        if table.choices is None
+        else relative(study.file.path_of(table.choices), study.file.path.parent),
+        report=report_facts(study.file.report),
     )
+
+
+def report_facts(table: ReportTable) -> ReportFacts:
+    """What [report] of a study or an identification file states."""
+    return ReportFacts(**{key: text for key, text in table.model_dump().items() if text is not None})

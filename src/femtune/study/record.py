@@ -134,6 +134,27 @@ class Provenance(Record):
     """Time of each step."""
 
 
+class ReportFacts(Record):
+    """What the author of a report states on its first page; "" for what is not stated."""
+
+    document: str = ""
+    """Number of the document."""
+    revision: str = ""
+    """Revision of the document."""
+    author: str = ""
+    """Who prepared the report."""
+    checked_by: str = ""
+    """Who checks it."""
+    approved_by: str = ""
+    """Who approves it."""
+    standard: str = ""
+    """Standard with its edition and section."""
+    boundary: str = ""
+    """How the structure was held in the test."""
+    excitation: str = ""
+    """How the structure was excited in the test."""
+
+
 class StudyFacts(Record):
     """What the study file says about itself."""
 
@@ -149,6 +170,10 @@ class StudyFacts(Record):
     """True for a model from matrices of another solver, without a deck."""
     description: str = ""
     """Free text of the study."""
+    choices_file: str = ""
+    """File of choices that were made on the page of a report, relative to the study; "" without one."""
+    report: ReportFacts = ReportFacts()
+    """Document number, persons, and what is stated about criteria and test."""
 
     @property
     def has_deck(self) -> bool:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         check_taylor_slope,
     )
     from femtune.testing.examples import example_deck, example_test
+    from femtune.testing.own_models import check_own_model
     from femtune.testing.readers import ReaderChecks, check_reader
 else:
     __getattr__, __dir__ = lazy_names(__name__)
@@ -31,6 +32,7 @@ __all__ = [
     "check_directional",
     "check_matrix_derivatives",
     "check_model",
+    "check_own_model",
     "check_reader",
     "check_residual",
     "check_simple_mode",

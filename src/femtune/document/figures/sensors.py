@@ -102,6 +102,19 @@ def sensors_svg(frame: Wireframe, marks: Marks, lines: Sequence[tuple[int, int]]
     return svg_file(_PANEL_WIDTH, top + _LEGEND_HEIGHT - _GAP, [*parts, *_legend(marks, top - _GAP)])
 
 
+_STILL_WIDTH = 330.0
+"""Width of the single view in points: about half a page of paper, so that names are not made smaller there."""
+
+
+def still_svg(frame: Wireframe, marks: Marks) -> str:
+    """The structure with its marks in one view from above, for half the width of a page."""
+    points = np.concatenate([frame.points[frame.used], marks.places])
+    scaled, height = _scaled(direction(points), points, _STILL_WIDTH)
+    parts = [*_structure(frame, scaled, height + _TITLE_HEIGHT, _STILL_WIDTH), *_marks(marks, scaled)]
+    top = height + _TITLE_HEIGHT
+    return svg_file(_STILL_WIDTH, top + _LEGEND_HEIGHT, [*parts, *_legend(marks, top)])
+
+
 def test_points_svg(frame: Wireframe, points: Sequence[TestPoint]) -> str:
     """Test points on the structure, each with a line to its grid point."""
     linked = [one for one in points if one.grid is not None]
@@ -121,13 +134,13 @@ def test_points_svg(frame: Wireframe, points: Sequence[TestPoint]) -> str:
     return sensors_svg(drawn, marks, ())
 
 
-def _scaled(view: View, points: Reals) -> tuple[View, float]:
-    """The view in a panel of the full width, or in the middle of it where the structure is tall."""
-    scaled, height = fitted(view, [points], _PANEL_WIDTH, _TITLE_HEIGHT, _MARGIN)
-    narrow = min(1.0, _TALLEST_VIEW * _PANEL_WIDTH / height)
-    scaled, height = fitted(view, [points], narrow * _PANEL_WIDTH, _TITLE_HEIGHT, _MARGIN)
+def _scaled(view: View, points: Reals, width: float = _PANEL_WIDTH) -> tuple[View, float]:
+    """The view in a panel of that width, or in the middle of it where the structure is tall."""
+    scaled, height = fitted(view, [points], width, _TITLE_HEIGHT, _MARGIN)
+    narrow = min(1.0, _TALLEST_VIEW * width / height)
+    scaled, height = fitted(view, [points], narrow * width, _TITLE_HEIGHT, _MARGIN)
     x, y = scaled.shift
-    return View(scaled.axes, scaled.scale, (x + 0.5 * (1.0 - narrow) * _PANEL_WIDTH, y)), height
+    return View(scaled.axes, scaled.scale, (x + 0.5 * (1.0 - narrow) * width, y)), height
 
 
 def _from_below(view: View) -> View:
@@ -137,13 +150,13 @@ def _from_below(view: View) -> View:
     return View(np.array([right, np.cross(down, right), down]))
 
 
-def _structure(frame: Wireframe, view: View, height: float) -> Iterable[str]:
+def _structure(frame: Wireframe, view: View, height: float, width: float = _PANEL_WIDTH) -> Iterable[str]:
     flat, faces = view.flat(frame.points), frame.faces
     if len(faces):
         colours = _shading(frame, view)
         edges = outline(faces, frame.points)
         if len(faces) > VECTOR_FACES:
-            yield rastered(_painting(frame, view, edges, colours), (_PANEL_WIDTH, height))
+            yield rastered(_painting(frame, view, edges, colours), (width, height))
         else:
             order = far_to_near(faces, view.depth(frame.points))
             yield painted(flat[closed(faces[order])], [colours[k] for k in order], _EDGE_COLOUR, 0.25, 0.6)

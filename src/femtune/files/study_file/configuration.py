@@ -10,6 +10,7 @@ from femtune.files.formats import ModesFormatKey
 from femtune.files.study_file.kinds import (
     Command,
     DeckName,
+    DofLabel,
     ElementsOff,
     Inertia,
     NamesFile,
@@ -110,6 +111,11 @@ class TestKeys(TomlTable):
     pairs: tuple[PairEntry, ...] = ()
     """Prescribed mode pairs: the label of the test mode and the number of the model mode. Example: `[{ test = "1",
     model = 1 }]`"""
+    never_pairs: tuple[PairEntry, ...] = ()
+    """Mode pairs that are not made, whatever their MAC is. Example: `[{ test = "3", model = 4 }]`"""
+    sensors_off: tuple[DofLabel, ...] = ()
+    """Degrees of freedom of the test modes that are not compared, such as those of a faulty channel; they are still
+    listed in the report. Example: `["12X+"]`"""
 
 
 MEASURED = "freq_hz of [test]"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ConfigDict
 
 from femtune.files.study_file.configuration import ConfigurationEntry
-from femtune.files.study_file.python_table import PythonTable
+from femtune.files.study_file.python_table import PythonTable, unnamed_arguments
 from femtune.testdata import ModalTest
 
 
@@ -34,7 +34,9 @@ class Configuration(ConfigurationEntry, PythonTable):
 
     if not TYPE_CHECKING:
 
-        def __init__(self, name: str, **words: Any) -> None:
+        def __init__(self, name: str, *unnamed: Any, **words: Any) -> None:
+            if unnamed:
+                raise unnamed_arguments(type(self), ("name",), unnamed)
             super().__init__(name=name, **words)
 
     else:

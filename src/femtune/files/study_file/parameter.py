@@ -23,7 +23,7 @@ from femtune.files.study_file.kinds import (
     Vector,
     field_reference,
 )
-from femtune.files.study_file.python_table import PythonTable
+from femtune.files.study_file.python_table import PythonTable, unnamed_arguments
 from femtune.files.study_file.source import Data, Place, Problems, StudyLines, named_twice, number, tables
 from femtune.parameters import parse_expression
 
@@ -121,7 +121,9 @@ class Parameter(PythonTable):
 
     if not TYPE_CHECKING:
 
-        def __init__(self, name: str, **words: Any) -> None:
+        def __init__(self, name: str, *unnamed: Any, **words: Any) -> None:
+            if unnamed:
+                raise unnamed_arguments(type(self), ("name",), unnamed)
             super().__init__(name=name, **words)
 
         __init__.__pydantic_base_init__ = True  # as that of `PythonTable`

@@ -123,10 +123,21 @@ def _unknown_key(finding: ErrorDetails, place: Place, source: StudyLines, model:
         place,
         "study.unknown-key",
         {},
-        hint=did_you_mean(str(place[-1]), known),
+        hint=_place_of_test_key(place, model) or did_you_mean(str(place[-1]), known),
         key=place[-1],
         table=_table(place[:-1], source),
     )
+
+
+_OF_TEST = ("pairs", "never_pairs", "leave_out", "sensors_off")
+"""Keys that pages and remarks offer as lines, and that belong to the table of a test."""
+
+
+def _place_of_test_key(place: Place, model: type[BaseModel]) -> str:
+    """Where a line belongs that was written under another heading; "" for other keys and files."""
+    if place[-1] not in _OF_TEST or model.__name__ != "StudyFile":
+        return ""
+    return f"move the line below [test], or the [[configuration]] of the test: '{place[-1]}' is a key of these tables"
 
 
 def _missing_key(place: Place, source: StudyLines) -> FemtuneError:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from reprlib import repr as shortened
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
 
-from femtune.errors import ErrorCollector
+from femtune.errors import ErrorCollector, FemtuneError
 from femtune.files.study_file.keys import keys_of
 from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.problems import problems
@@ -42,6 +43,19 @@ class _Documented:
         return "\n".join((f"{before}Parameters\n----------", *keys, "", heading + after))
 
 
+def unnamed_arguments(table: type[BaseModel], before: tuple[str, ...], unnamed: tuple[Any, ...]) -> FemtuneError:
+    """The error ``call.signature`` that values were given without the names of their keys, with what to write."""
+    known = table.model_fields
+    own = [name for name in table.__annotations__ if name in known and name not in ("kind", *before)]
+    if not before:
+        # of a residual, the key that is most often meant comes first
+        own.sort(key=lambda name: name != "sd")
+    first = [*before, *(f"{key}={shortened(value)}" for key, value in zip(own, unnamed))]
+    hint = f"write for example {table.__name__}({', '.join(first)}); see help(femtune.{table.__name__})"
+    reason = "values need the names of their keys"
+    return FemtuneError("call.signature", function=table.__name__, reason=reason, hint=hint)
+
+
 class PythonTable(TomlTable):
     """A table whose class users call: what is wrong with its keys is a FemtuneError.
 
@@ -50,7 +64,9 @@ class PythonTable(TomlTable):
 
     if not TYPE_CHECKING:
 
-        def __init__(self, **words: Any) -> None:
+        def __init__(self, *unnamed: Any, **words: Any) -> None:
+            if unnamed:
+                raise unnamed_arguments(type(self), (), unnamed)
             given = {name: plain(value) for name, value in words.items() if value is not None}
             try:
                 super().__init__(**given)

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.nastran.recognition import is_input
+from femtune.files.study_file.choices import StudyChoices, check_inputs, parsed_choices, with_choices
 from femtune.files.study_file.kinds import SCHEMA_VERSION
 from femtune.files.study_file.named_files import files_named
 from femtune.files.study_file.problems import problems
@@ -64,6 +65,7 @@ def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given:
     """As `read_study_file`, from the data of a file; files that are `given` as objects need not exist."""
     check_version(data, source)
     given = given or Given()
+    data = _chosen(data, source, file.parent)
     errors: list[FemtuneError] = [*rules(data, source), *missing_files(StudyFile, data, source, file.parent, given)]
     try:
         study = StudyFile.model_validate(data)
@@ -72,6 +74,29 @@ def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given:
     _raise_in_order(errors)
     study._path, study._source, study._given = file, source, given
     return study
+
+
+def _chosen(data: dict[str, Any], source: StudyLines, folder: Path) -> dict[str, Any]:
+    """The data with the choices of the file that [study] names; a file that is not there is told by its key."""
+    table = data.get("study")
+    name = table.get("choices") if isinstance(table, dict) else None
+    if not isinstance(name, str) or not is_file(folder / name):
+        return data
+    choices, where = read_study_choices(folder / name), source.where(("study", "choices"))
+    check_inputs(choices, where, folder, [k for k in files_named(StudyFile, data) if k.kind.what in _OF_CHOICES])
+    return with_choices(data, choices, where)
+
+
+_OF_CHOICES = ("deck", "test file")
+"""Files that choices are made of, beside those that these name in turn."""
+
+
+def read_study_choices(path: Path) -> StudyChoices:
+    """The choices in a file (errors ``study.*``)."""
+    text = toml_text(path)
+    data = toml_data(text, path)
+    check_version(data, StudyLines(str(path), line_numbers(text)))
+    return parsed_choices(path, data, text)
 
 
 def check_version(data: dict[str, Any], source: StudyLines) -> None:

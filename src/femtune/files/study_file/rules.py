@@ -35,7 +35,7 @@ from femtune.files.study_file.vibration import vibration_rules
 
 _KEYS_OF_TEST = (
     "records", "test_units", "mode_labels", "rotation", "origin", "left_handed", "coordinate_factor", "leave_out",
-    "pairs",
+    "pairs", "never_pairs", "sensors_off",
 )  # fmt: skip
 """Keys of a configuration that have no meaning without a test."""
 

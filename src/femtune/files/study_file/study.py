@@ -30,6 +30,7 @@ from femtune.files.study_file.parameter import Parameter
 from femtune.files.study_file.plan import PlanTable
 from femtune.files.study_file.posterior import PosteriorTable
 from femtune.files.study_file.quantify import QuantifyTable
+from femtune.files.study_file.report import ReportTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
 from femtune.files.study_file.respond import LoadEntry, ResponseTable
 from femtune.files.study_file.runs import RunsModelTable
@@ -61,6 +62,7 @@ class Given:
     tests : by the name under which the study has them as files
     matrices : of the model, in the same way; arrays of NumPy or SciPy
     dofs : node and component of each of their rows
+    own_model : the model, a function of the user in place of a solver, by the name that stands for its input file
     residuals : further comparisons, of classes that have no key in the study file
     text : text in place of a study file; None if there is a file
     units_known : False for a deck, which does not state its units
@@ -70,6 +72,7 @@ class Given:
     tests: Mapping[str, ModalTest] = field(default_factory=dict)
     matrices: Mapping[str, Any] = field(default_factory=dict)
     dofs: tuple[tuple[int, int], ...] = ()
+    own_model: Mapping[str, Any] = field(default_factory=dict)
     residuals: tuple[Any, ...] = ()
     text: str | None = None
     units_known: bool = True
@@ -77,7 +80,7 @@ class Given:
     @property
     def names(self) -> set[str]:
         """Names of files in whose place objects were given."""
-        return {*self.tests, *self.matrices}
+        return {*self.tests, *self.matrices, *self.own_model}
 
 
 class StudyFile(TomlTable):
@@ -133,6 +136,7 @@ class StudyFile(TomlTable):
     parallel: ParallelTable = Field(default_factory=ParallelTable)
     load: tuple[LoadEntry, ...] = ()
     write: WriteTable = Field(default_factory=WriteTable)
+    report: ReportTable = Field(default_factory=ReportTable)
     output: StudyOutputTable = Field(default_factory=StudyOutputTable)
 
     _path: Path = PrivateAttr(default=Path("study.toml"))

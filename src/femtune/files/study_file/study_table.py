@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from femtune.files.study_file.kinds import DeckName, Text, TomlTable, Units
+from femtune.files.study_file.kinds import DeckName, NamesFile, Text, TomlTable, Units
 from femtune.units import UnitSystem, unit_system
 
 
@@ -24,6 +24,9 @@ class StudyTable(TomlTable):
     and kip·s²/ft. A deck does not state its units. Example: `"mm-t-s"`"""
     allow_ignored: tuple[Text, ...] = ()
     """Cards that may be ignored although the modes depend on them. Example: `["CTRIAX6"]`"""
+    choices: Annotated[Text, NamesFile("file of choices")] | None = None
+    """Choices that were made on the page of a [report](guide/report.md#choices) and saved as `choices.toml`; they are
+    refused if the deck or a test has changed since. Example: `"choices.toml"`"""
     journal: bool = True
     """Store all solutions of the full model in the run folder, so that [an interrupted run
     continues](guide/interrupted-runs.md). Example: `false`"""

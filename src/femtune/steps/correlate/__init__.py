@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from femtune.steps.step import (
+    CHOICES,
     EIGENSOLVER,
     FILE,
     FRESH,
@@ -13,6 +14,7 @@ from femtune.steps.step import (
     STUDY,
     Command,
     InRun,
+    Page,
     ReportSection,
     Step,
     end_of_judged,
@@ -40,6 +42,13 @@ STEP = Step(
             ),
             click.Option(
                 ["--uff"], type=FILE, metavar="FILE", help="Write the expanded shapes to a Universal File (55)."
+            ),
+            CHOICES,
+            click.Option(
+                ["--report", "page"],
+                type=FILE,
+                metavar="PAGE",
+                help="Write an HTML page with a first page to sign.",
             ),
             EIGENSOLVER,
             FRESH,
@@ -96,6 +105,24 @@ STEP = Step(
             ),
             optional=True,
             place=70,
+        ),
+    ),
+    page=Page(
+        record="judgement",
+        genre="Correlation report",
+        verdict="judge.page:judgement_verdict",
+        sections=(
+            ReportSection("summary", "Summary", "run.page.review:comparison"),
+            ReportSection("judgement", "Reasons for the verdict", "judge.page:judgement"),
+            ReportSection("compared", "What was compared", "correlate.page.compared:compared"),
+            ReportSection("modes", "Modes", "modes.page.modes:modes"),
+            ReportSection("mode_shapes", "Mode shapes", "modes.page.mode_shapes:mode_shapes"),
+            ReportSection("expansion", "Expanded test shapes", "correlate.page.expansion:expansion"),
+            ReportSection("mac", "MAC matrices", "correlate.page.correlation:mac"),
+            ReportSection("comac", "COMAC", "correlate.page.correlation:comac"),
+            ReportSection("checks", "Model checks", "info.page:checks"),
+            ReportSection("criteria", "Acceptance criteria", "validate.page:criteria"),
+            ReportSection("provenance", "Provenance", "run.page.method:provenance"),
         ),
     ),
 )

@@ -26,6 +26,7 @@ from femtune.steps.correlate.record.correlation import (
     ComacEntry,
     CorrelationResults,
     CriterionRecord,
+    ForbiddenPair,
     LeftOutMode,
     ModePairRecord,
     SensorContribution,
@@ -56,6 +57,7 @@ def correlate_case(case: ComparedCase, solution: EigenSolution, rigid: int = 0) 
         mac_gate=case.rules.mac_gate,
         relative_gap=case.rules.relative_gap,
         fixed=case.fixed,
+        never=case.never,
         left_out=case.left_out,
         rigid=rigid,
     )
@@ -94,6 +96,7 @@ def correlation_results(
         configuration=name,
         stage=version,
         pairs=tuple(_pair(c, p) for p in c.pairing.pairs),
+        never_pairs=tuple(ForbiddenPair(test_label=c.test.labels[i], model_number=j + 1) for i, j in c.pairing.never),
         left_out=tuple(LeftOutMode(**_unpaired(c, u.test, u.reason)) for u in c.pairing.unpaired_test if u.left_out),
         unpaired_test=tuple(
             UnpairedTestMode(**_unpaired(c, u.test, u.reason))
@@ -109,6 +112,7 @@ def correlation_results(
         mac_key=keys["mac"],
         mac_test_labels=c.test.labels,
         mac_test_freq_hz=tuple(float(f) for f in c.test.freq_hz),
+        test_damping_ratio=_damping(c),
         mac_model_numbers=tuple(range(1, len(c.model) + 1)),
         mac_model_freq_hz=tuple(float(f) for f in c.model.freq_hz),
         auto_mac_test_key=keys["auto_mac_test"],
@@ -122,6 +126,13 @@ def correlation_results(
         mac_without_key=keys["mac_without"],
         alerts=tuple(alert_of(notice) for notice in (*notices, *c.notices)),
     )
+
+
+def _damping(c: Correlation) -> tuple[float | None, ...]:
+    ratios = c.test.damping_ratio
+    if ratios is None or not np.isfinite(ratios).any():
+        return ()
+    return tuple(float(ratio) if np.isfinite(ratio) else None for ratio in ratios)
 
 
 def _contributions(c: Correlation) -> Iterable[SensorContribution]:

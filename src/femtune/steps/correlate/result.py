@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,20 +17,33 @@ from femtune.study.rows import Rows, rows_of
 if TYPE_CHECKING:
     from femtune.modal import ModeSet
     from femtune.steps.judge.record.judgement import JudgementResults
-from femtune.steps.result import Arrays, OfConfigurations
+    from femtune.steps.results import Results
+from femtune.steps.result import Arrays, OfConfigurations, ResultWithPage
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CorrelateResult(OfConfigurations[CorrelationResults]):
+class CorrelateResult(OfConfigurations[CorrelationResults], ResultWithPage):
     """Test against model in each configuration with a test.
 
     `records` are those of results.json, ``correlations``, `arrays` by their keys; `files` were written; `remarks` what
     a user should know. `judgement` is the verdict on the comparison; None of `compare`, and of one stage of a run.
+    `whole` gives all that a page shows, None where there is no verdict; `report` is the page that was written, None
+    without one.
     """
 
+    page = "judgement"
     arrays: Arrays = field(kw_only=True)
     files: tuple[Path, ...] = field(default=(), kw_only=True)
     judgement: JudgementResults | None = field(default=None, kw_only=True)
+    whole: Callable[[], Results] | None = field(default=None, kw_only=True)
+    report: Path | None = field(default=None, kw_only=True)
+
+    @property
+    def results(self) -> Results:  # type: ignore[override]  # made when first used
+        """The comparison with the facts of study and model (error ``run.no-page`` where there is no verdict)."""
+        if self.whole is None:
+            raise FemtuneError("run.no-page")
+        return self.whole()
 
     @property
     def pairs(self) -> Rows:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,24 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, ValidationError
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.study_file.kinds import Positive, SchemaVersion, Text, TomlTable
+from femtune.files.study_file.choices import ChosenInput
+from femtune.files.study_file.kinds import Positive, SchemaVersion, TomlTable
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, line_numbers
+from femtune.files.whole_file import digest_of
 from femtune.identification.choice import PickedPole
 from femtune.identification.kinds import MethodWord
 
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
-
-
-class ChosenInput(TomlTable):
-    """[[input]]: a measured file, as it was when the poles were picked."""
-
-    path: Text
-    """Name of the file."""
-    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-    """SHA-256 of its bytes."""
 
 
 class ChosenMode(TomlTable):
@@ -96,9 +88,3 @@ def picked_poles(file: IdentifyFile) -> tuple[PickedPole, ...]:
         where = file.where("identify", "choices")
         raise FemtuneError("identify.choices/with-others", where=where, values={"keys": ", ".join(others)})
     return read_choices(file.choices_path, file.measured_paths)
-
-
-def digest_of(path: Path) -> str:
-    """SHA-256 of a file."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

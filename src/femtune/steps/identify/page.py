@@ -21,6 +21,7 @@ from femtune.document.numbers import (
     as_sentence,
     counted,
     freq,
+    listed,
     percent,
     short,
     signed_percent,
@@ -44,6 +45,7 @@ from femtune.document.page_view import (
     whole,
 )
 from femtune.identification.mode_checks import LARGE_DAMPING
+from femtune.steps.report.approval import approval_of, document_facts
 from femtune.units import frf_unit, unit_system
 
 if TYPE_CHECKING:
@@ -51,7 +53,14 @@ if TYPE_CHECKING:
 
     from femtune.document.document import Block, Level
     from femtune.modal import ModeSet
-    from femtune.steps.identify.record import IdentifiedMode, LevelFunctions, LevelMode, LevelTrend, LinearityResults
+    from femtune.steps.identify.record import (
+        Identification,
+        IdentifiedMode,
+        LevelFunctions,
+        LevelMode,
+        LevelTrend,
+        LinearityResults,
+    )
     from femtune.steps.identify.result import IdentifyResult
     from femtune.testdata import WireFrame
 
@@ -67,6 +76,7 @@ def build_identification_page(made: IdentifyResult) -> Document:
     """The page as data; pictures are drawn when a renderer asks for them."""
     sentence, level = _verdict(made)
     sections = (
+        Section("summary", "Summary", tuple(_basis(made))),
         Section("modes", "Modes", tuple(_modes(made))),
         Section("shapes", "Mode shapes", tuple(_shapes(made))),
         Section("poles", "Choice of the modes", tuple(_poles(made))),
@@ -78,7 +88,44 @@ def build_identification_page(made: IdentifyResult) -> Document:
     kept = tuple(s for s in sections if s.blocks)
     short_form = tuple(s for s in kept if s.id in ("modes", "linearity", "checks", "files"))
     facts, collect = _facts(made), partial(_view, made)
-    return Document(made.record.title, sentence, level, facts, kept, short_form, "Identification", collect)
+    approval = approval_of(made.record.report, made.record.inputs or (made.record.source,), ())
+    return Document(
+        made.record.title, sentence, level, facts, kept, short_form, "Identification", collect, approval
+    )  # fmt: skip
+
+
+def _basis(made: IdentifyResult) -> Iterator[Block]:
+    """What a reviewer needs to know before signing."""
+    record, stated = made.record, made.record.report
+    modes = [m for m in record.modes if not m.of_input]
+    ratios = [100.0 * m.damping_ratio for m in modes if m.damping_ratio is not None]
+    doubtful = [m.label for m in modes if m.doubtful]
+    poor = record.largest_misfit_percent
+    lines = (
+        ("Measurement", ", ".join(dict.fromkeys(one.path for one in (*record.inputs, record.source)))),
+        ("Methods", ", ".join(record.modes[0].by_method) if record.modes else ""),
+        ("Modes", f"{len(modes)}, {f'doubtful: {listed(doubtful)}' if doubtful else 'none doubtful'}"),
+        ("Left out", _left_out(record)),
+        ("Damping measured", f"{percent(min(ratios))} to {percent(max(ratios))} % of critical" if ratios else ""),
+        ("Sensors", f"{counted(len(record.dofs), 'measured DOF')}, shapes {record.normalisation}, {record.units}"),
+        ("Boundary in the test", stated.boundary or "not stated: boundary in [report]"),
+        ("Excitation", stated.excitation or "not stated: excitation in [report]"),
+        ("Fit", f"poorest function {percent(poor)} %" if poor is not None else "not tested: no measured input"),
+        ("Linearity", record.linearity.sentence if record.linearity else "not tested: one level of the force"),
+        ("Standard", stated.standard),
+        ("Computed by", f"femtune {record.femtune_version}"),
+    )
+    rows = tuple(row(name, text) for name, text in lines if text)
+    yield Table("Basis of the report", columns("Question", "Answer"), rows, prose=True)
+
+
+def _left_out(record: Identification) -> str:
+    peaks = sum(bool(m.of_input) for m in record.modes)
+    parts = [counted(len(record.harmonics), "harmonic")] if record.harmonics else []
+    parts += [counted(peaks, "peak of the excitation", "peaks of the excitation")] if peaks else []
+    unchosen = [c for c in record.clusters if not c.chosen]
+    parts += [counted(len(unchosen), "cluster of poles", "clusters of poles")] if unchosen else []
+    return f"{listed(parts)}, see the choice of the modes" if parts else "nothing"
 
 
 def _verdict(made: IdentifyResult) -> tuple[str, Level]:
@@ -121,6 +168,7 @@ def _agreement(modes: list[IdentifiedMode]) -> str:
 def _facts(made: IdentifyResult) -> tuple[tuple[str, str], ...]:
     record = made.record
     return (
+        *document_facts(record.report),
         ("Measurement", record.source.path),
         ("Sensors", str(len(record.dofs))),
         ("Shapes", f"{record.normalisation}, {record.units}"),

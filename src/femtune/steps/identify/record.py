@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from femtune.study.record import Alert, InputFile, Record
+from femtune.study.record import Alert, InputFile, Record, ReportFacts
 
 
 class IdentifiedMode(Record):
@@ -171,3 +171,5 @@ class Identification(Record):
     """All measured files of one record or one set of functions, in their order; () for several set-ups."""
     linearity: LinearityResults | None = None
     """Comparison of tests at several levels of force; None if only one level was measured."""
+    report: ReportFacts = ReportFacts()
+    """Document number, persons, and what is stated about the test."""

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from femtune.errors import FemtuneError, Notice, Where, with_notices
 from femtune.executor import Processes
 from femtune.files.described_test import read_described_geometry
+from femtune.files.whole_file import digest_of
 from femtune.identification.record_checks import check_record
 from femtune.journal.owner import owner_of
-from femtune.steps.identify.choices import digest_of
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.steps.identify.from_record import found_from_record, heading_notices, read_asked
@@ -29,6 +29,7 @@ from femtune.steps.identify.write import RECORD_FILE, WRITTEN_FILES, no_modes_fi
 from femtune.steps.run_folder import check_writable
 from femtune.study.executor import check_jobs
 from femtune.study.progress import silent
+from femtune.study.provenance import report_facts
 from femtune.study.record import InputFile
 
 if TYPE_CHECKING:
@@ -69,12 +70,14 @@ def identify(
     progress.step("reading the measurement", 0, None)
     inputs = tuple(InputFile(path=one.name, sha256=digest_of(one)) for one in file.measured_paths)
     title = file.identify.title or file.measured_path.name
+    stated = {"report": report_facts(file.report)}
     try:
         with _at_the_file(file):
             identified = _found(file, progress, each)
     except NothingFound as error:
         nothing = replace(error.found, notices=(*error.notices, *error.found.notices))
         record = identification(nothing, title, inputs, file.identify.units)
+        record = record.model_copy(update=stated)
         error.result = IdentifyResult(folder, record, nothing, tuple(write_found(folder, nothing, record, None)))
         raise
     linearity = linearity_of(file, identified, each)
@@ -85,7 +88,7 @@ def identify(
     unwritten = no_modes_file(test, named=any(map(bool, tables)))
     if unwritten is not None:
         identified = replace(identified, notices=(*identified.notices, unwritten))
-    record = identification(identified, title, inputs, file.identify.units, linearity)
+    record = identification(identified, title, inputs, file.identify.units, linearity).model_copy(update=stated)
     names = write_found(folder, identified, record, test if unwritten is None else None)
     return IdentifyResult(folder, record, identified, tuple(names))
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,9 +30,11 @@ from femtune.model.response import effective_mass
 from femtune.model.response.rigid import is_rigid
 from femtune.steps.info.checks import mass_checks
 from femtune.steps.info.neutral_axis import of_neutral_axis
+from femtune.steps.init.proposed_parameters import KIND_OF_FIELD, fields_of_kinds
 from femtune.study.cases import sensor_tolerance
 from femtune.study.plausible_sections import slow_modes
 from femtune.study.record import Alert, ModelVersion, Vector3, alert
+from femtune.testdata import sensors_at
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -55,6 +58,7 @@ from femtune.steps.info.record.model import (
     EffectiveMasses,
     ElementShapes,
     ElementShapeTest,
+    ExciterRecord,
     GroundedDof,
     GroundingElementRecord,
     HeldDof,
@@ -70,6 +74,8 @@ from femtune.steps.info.record.model import (
     SensorResults,
     TestMassEffect,
     TestMassMode,
+    UnmatchedSensor,
+    UpdatableField,
     UsedCard,
 )
 
@@ -193,7 +199,23 @@ def model_facts(study: Study) -> ModelFacts:
         checks=mass_checks(study),
         element_shapes=_element_shapes(built),
         beside_deck=tuple(map(_beside_deck, built.beside)),
+        fields=tuple(_updatable_fields(study)),
     )
+
+
+_MOST_FIELDS = 200
+"""Fields that a reader of the page can make parameters; a longer list would not be read."""
+
+
+def _updatable_fields(study: Study) -> Iterator[UpdatableField]:
+    """Fields with usual bounds, in the order of the deck; none where no deck is changed."""
+    if not study.source.writes_back:
+        return
+    for one in islice(fields_of_kinds(study.built, KIND_OF_FIELD), _MOST_FIELDS):
+        yield UpdatableField(
+            name=one.name, field=str(one.ref), what=one.kind.what, value=one.value, lower=one.kind.lower,
+            upper=one.kind.upper,
+        )  # fmt: skip
 
 
 def _beside_deck(comparison: ModesBeside) -> BesideDeck:
@@ -448,6 +470,10 @@ def _grounding_equations(study: Study, configuration: Configuration) -> int:
     return count
 
 
+_OFF = "the study switches it off (sensors_off)"
+"""Reason for which a sensor is not compared."""
+
+
 def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
     """How the sensors of a configuration found the model; None without a test."""
     if case.sensors is None or case.entry.test is None:
@@ -472,8 +498,17 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
             )
             for m in case.sensors.matches
         ),
-        unmatched=(),
+        unmatched=tuple(UnmatchedSensor(test_dof=label, reason=_OFF) for label in case.entry.sensors_off),
+        exciters=_exciters(case),
     )
+
+
+def _exciters(case: StudyCase) -> tuple[ExciterRecord, ...]:
+    test = case.test
+    if test is None or test.frfs is None:
+        return ()
+    known = {s.label.node: s.position for s in sensors_at(test.geometry, test.frfs.references)}
+    return tuple(ExciterRecord(test_dof=str(dof), place=_place(known.get(dof.node))) for dof in test.frfs.references)
 
 
 def _place(point: Reals | None) -> tuple[float, float, float] | None:

@@ -9,6 +9,7 @@ import click
 
 from femtune.errors import printable
 from femtune.steps.step import (
+    CHOICES,
     FILE,
     JSON,
     Command,
@@ -61,6 +62,7 @@ STEP = Step(
             ),
             click.Option(["--tolerance"], type=float, help="Largest distance of a test point from its grid point."),
             click.Option(["--by-id"], is_flag=True, help="Test points have the numbers of their grid points."),
+            CHOICES,
             click.Option(["--force"], is_flag=True, help="Replace files that are there."),
             JSON,
         ),

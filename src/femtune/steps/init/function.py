@@ -26,6 +26,7 @@ def init(
     origin: Sequence[float] | None = None,
     tolerance: float | None = None,
     by_id: bool = False,
+    choices: Path | str | None = None,
     force: bool = False,
     progress: Progress = silent,
 ) -> InitResult:
@@ -45,12 +46,15 @@ def init(
     origin : position of the origin of the test in the model, in the unit of the deck; found where nothing is said
     tolerance : largest distance of a test point from its grid point, in the unit of the deck
     by_id : test points have the numbers of their grid points, whatever their coordinates are
+    choices : file of choices that were made on the page of a report of the same deck and test: pairs, modes that are
+        left out, sensors, and the parameters instead of those proposed
     force : replace files that are there
     progress : receives progress reports
 
     Raises
     ------
-    FemtuneError : ``init.exists``, ``init.no-modes``, ``init.option``, ``run.unwritable``, and errors in deck and test
+    FemtuneError : ``init.exists``, ``init.no-modes``, ``init.option``, ``run.unwritable``, ``study.choices``, and
+        errors in deck and test
 
     Examples
     --------
@@ -66,4 +70,5 @@ def init(
     from femtune.steps.init.run import asked_sensors, init_study  # noqa: PLC0415
 
     asked = asked_sensors(origin, tolerance, by_id)
-    return init_study(Path(deck), Path(test), Path(folder), units_word(units) or None, asked, force, progress)
+    return init_study(Path(deck), Path(test), Path(folder), units_word(units) or None, asked, force, progress,
+                      None if choices is None else Path(choices))  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,12 +25,15 @@ from femtune.fem.checks import mass_properties
 from femtune.files.deviations import with_deviations
 from femtune.files.shape_table import is_shape_table, read_shape_table
 from femtune.files.study_file import Given, frozen, study_from_data
+from femtune.files.study_file.choices import check_contents, with_choices
+from femtune.files.study_file.reading import read_study_choices
 from femtune.files.study_file.source import StudyLines
 from femtune.files.uff import read_uff
 from femtune.files.uff.scan import names_universal
 from femtune.files.whole_file import write_whole
 from femtune.modal import ModeSet
 from femtune.model.configured import grid_matrix
+from femtune.model.kinds import BASELINE
 from femtune.model.response.rigid import is_rigid
 from femtune.residuals import ComparedCase, FrequencyResidual, ShapeResidual, modes_at_sensors, pair_case
 from femtune.steps.init.guessed_units import GuessedUnits, guess_units, unit_words
@@ -59,6 +63,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Integers, Reals
     from femtune.correlation import Pairing
     from femtune.files.study_file import StudyFile
+    from femtune.files.study_file.choices import StudyChoices
     from femtune.model import EigenSolution
     from femtune.study.cases import StudyCase
     from femtune.study.described import Model
@@ -67,6 +72,8 @@ if TYPE_CHECKING:
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
 
+_PAIRS = re.compile(r"pairs = \[.*?\]")
+"""The key as a remark offers it."""
 PICTURE_FILE = "sensors.svg"
 """Picture of the test points on the mesh."""
 IDENTIFY_FILE = "identify.toml"
@@ -209,23 +216,25 @@ def init_study(
     asked: AskedSensors,
     force: bool,
     progress: Progress = silent,
+    choices: Path | None = None,
 ) -> InitResult:
-    """Write a first study into a folder.
+    """Write a first study into a folder, with the `choices` of a report.
 
     Raises
     ------
-    FemtuneError : ``init.exists``, ``init.no-modes``, ``run.unwritable``, ``write.overwrites-input``, and errors in
-        the deck and in the test
+    FemtuneError : ``study.choices``, ``init.exists``, ``init.no-modes``, ``run.unwritable``,
+        ``write.overwrites-input``, and errors in the deck and in the test
     """
     _check_absent(folder, force)
     progress.step("reading the deck", 0, None)
+    chosen = None if choices is None else _chosen(choices, deck, test)
     model = model_of_deck(deck, units, ())
     inputs = [*(Input(Path(name), Where(name), "deck") for name in model.built.files), _test_input(test)]
     check_outputs(inputs, [folder / STUDY_FILE, folder / PICTURE_FILE])
     check_writable(folder)
     progress.step("reading the test", 0, None)
     measured = _measured(test, folder, force, units, inputs, progress)
-    draft = _Draft(model, deck, measured, folder, units, asked)
+    draft = _Draft(model, deck, measured, folder, units, asked, chosen)
     draft.guess()
     draft.compare(progress)
     text = draft.text()
@@ -238,6 +247,17 @@ def init_study(
         raise unwritable(folder, error) from error
     draft.drawn = picture != ""
     return InitResult(path, draft.record(path))
+
+
+def _chosen(path: Path, deck: Path, test: Path) -> StudyChoices:
+    """The choices, if they are of this deck and test and of one configuration (errors ``study.choices``)."""
+    choices, where = read_study_choices(path), Where(str(path))
+    check_contents(choices, where, [deck, test])
+    of = (*choices.pair, *choices.never_pair, *choices.leave_out, *choices.sensor_off)
+    names = list(dict.fromkeys(one.configuration for one in of))
+    if len(names) > 1:
+        raise FemtuneError("study.choices/several", where=where, names=", ".join(names), count=len(names))
+    return choices
 
 
 def _test_input(path: Path) -> Input:
@@ -376,6 +396,7 @@ class _Draft:
     folder: Path
     stated: str | None
     asked: AskedSensors
+    chosen: StudyChoices | None = None
     units: GuessedUnits | None = None
     sensors: GuessedSensors | None = None
     pairing: Pairing | None = None
@@ -539,7 +560,18 @@ class _Draft:
             table["deviations"] = named(self.measured.deviations)
         if self.units.of_test is not None and self._has_shapes:
             table["units"] = self.units.of_test.name
-        return table | self.sensors.test
+        table |= self.sensors.test
+        if self.chosen is None:
+            return table
+        # a first study has one test, whatever its configuration was called
+        parts = ("pair", "never_pair", "leave_out", "sensor_off")
+        here = {
+            part: tuple(one.model_copy(update={"configuration": BASELINE}) for one in getattr(self.chosen, part))
+            for part in parts
+        }
+        chosen = self.chosen.model_copy(update={**here, "parameter": ()})
+        merged: dict[str, Any] = with_choices({"test": table}, chosen, Where(STUDY_FILE))["test"]
+        return merged
 
     def _describe(self, study: Study) -> None:
         assert self.units is not None
@@ -660,6 +692,8 @@ class _Draft:
             text.say(f"The deck as it is: {self.range}")
         for name, value in self._test_table(lambda path: _relative(path, self.folder)).items():
             text.key(name, value, "the file states none" if name == "units" else "")
+        for line in self._offered_pairs:
+            text.off([line])
         if self.measured.source is not None:
             text.say(
                 f"The functions themselves can be compared too: name {_relative(self.measured.source, self.folder)} as "
@@ -669,6 +703,11 @@ class _Draft:
             text.table("[sensors]")
             for name, value in self.sensors.sensors.items():
                 text.key(name, value)
+
+    @property
+    def _offered_pairs(self) -> list[str]:
+        """The lines `pairs = …` of the remarks, for the table of the test, which is the place of this key."""
+        return list(dict.fromkeys(line for notice in self.notices for line in _PAIRS.findall(notice)))
 
     def _parameters(self, text: StudyText) -> None:
         taken = [p for p in self.proposed if p.proposed]
@@ -683,7 +722,14 @@ class _Draft:
         )
         if not taken:
             text.say("No field of the deck is determined by the test modes: add [[parameter]] tables of your own.")
-        for one in taken:
+        chosen = () if self.chosen is None else self.chosen.parameter
+        if chosen:
+            text.say("The parameters are those that were chosen on the page of a report, instead of the proposed ones.")
+        for p in chosen:
+            text.table("[[parameter]]")
+            for name, value in (("name", p.name), ("fields", (p.field,)), ("lower", p.lower), ("upper", p.upper)):
+                text.key(name, value)
+        for one in taken if not chosen else ():
             c = one.candidate
             text.table("[[parameter]]")
             text.say(

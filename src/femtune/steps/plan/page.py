@@ -28,6 +28,7 @@ from femtune.document.numbers import NONE, counted, freq, listed, short, signed_
 from femtune.planning.kinds import CRITERIA, PLACEMENT_METHODS, WEIGHTINGS
 from femtune.residuals.kinds import FRF_FORMS
 from femtune.steps.modes.page.mode_shapes import structure_of
+from femtune.steps.run.page.basis import basis
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Document, Level
@@ -72,7 +73,7 @@ def _band(plan: PlanResults) -> str:
 def plan_summary(source: ReportSource) -> list[Block]:
     """Numbers, and what should be known."""
     plan = _plan(source)
-    return [plan_numbers(plan), *alert_boxes(plan.alerts)]
+    return [plan_numbers(plan), *alert_boxes(plan.alerts), *basis(source)]
 
 
 def plan_sensors(source: ReportSource) -> list[Block]:

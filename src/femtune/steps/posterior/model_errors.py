@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg as la
 
-from femtune.arrays import Reals
+from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.judge.widened import widened_end, widened_problem
 from femtune.sampling import NuisanceClass, kept_blocks
@@ -17,11 +17,11 @@ from femtune.steps.judge.facts.tested_fields import TestedMass, tested_fields, t
 from femtune.steps.judge.facts.tested_supports import TestedSupport, tested_supports
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from femtune.judge.widened import WideningFactor
-    from femtune.residuals import Evaluation
-    from femtune.sampling import Solving
+    from femtune.residuals import Evaluation, UpdateProblem
+    from femtune.sampling import Known, Solving
     from femtune.steps.judge.facts.tested_fields import TestedField
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
@@ -32,11 +32,18 @@ thickness, 0.005 to 10 % of a mass; 0.0025 to 5 % of the mass of the model at a 
 ones, and a half-Cauchy prior, widen the intervals of right models by more than a quarter."""
 _COMMON_SHARE = 0.05
 """A common standard deviation of these: 1 % of a Young's modulus."""
+_SAME = 1e-10
+"""Relative size below which a direction is rounding."""
+_LEAST_FACTOR = 0.2
+"""On a field, where the model is solved with changes."""
 _LEAST_EFFECT = 0.05
 """Standard deviations of the data by which a combination of changes of this size moves the residuals, below which it is
 left out: ten times as large a change would still be half a standard deviation."""
-_STIFFNESS, _MASSES, _SUPPORTS = "stiffnesses", "masses", "supports that give way"
-"""Classes. More of them, with a standard deviation each, are hardly told apart by the data."""
+_STIFFNESS, _MASSES = "stiffnesses", "masses"
+_PARTS = "parts of properties"
+_LACKING, _SUPPORTS = "masses that the deck lacks", "supports that give way"
+"""Classes, each with a standard deviation of its own. Values of a deck are wrong more often than something is missing
+in it or a property differs from place to place: many changes that are not there must not tell that values are right."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +56,7 @@ class ModelErrors:
     B : (n, m) derivatives of the residuals by the unknown changes, in combinations of equal standard deviation
     turn : (changes, m) changes of a unit of each combination, relative to the value of the deck; of masses and
         supports that the deck does not have to the largest plausible one
+    raw : (raw, m) the same in normalised values of what changes
     effects : (changes,) length of the derivative of the residuals by each change
     names, counts : what the changes are of, and the number of changes of each class
     reason : why there are none; "" otherwise
@@ -58,6 +66,7 @@ class ModelErrors:
     classes: tuple[NuisanceClass, ...]
     B: Reals
     turn: Reals
+    raw: Reals
     effects: Reals
     names: tuple[str, ...] = ()
     counts: tuple[int, ...] = ()
@@ -67,17 +76,83 @@ class ModelErrors:
 
 def none_of(rows: int, reason: str = "") -> ModelErrors:
     """No errors of the model."""
-    return ModelErrors((), np.zeros((rows, 0)), np.zeros((0, 0)), np.zeros(0), reason=reason)
+    return ModelErrors((), np.zeros((rows, 0)), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), reason=reason)
 
 
-def model_errors(study: Study, result: UpdateResult, solving: Solving) -> ModelErrors:
-    """Unknown changes of every property, mass and support that no parameter represents, about the result.
+@dataclass(frozen=True, eq=False)
+class UnknownChanges:
+    """Unknown changes of every property, mass and support that no parameter represents.
 
     Of a property that a parameter sets on several parts of the structure, the parts differ from their mean.
+
+    Parameters
+    ----------
+    problem : of the update, with what changes after its own parameters
+    end : its evaluation at the result of the update
+    own : number of its own free parameters
+    changes : what changes
+    rows : number of residuals, those of a prior among them
+    left_out : number of fields that do not change because there are too many
+    factors : number of the first values, factors on fields
+    supports : number of the last values, compliances of supports, of which the model has derivatives alone
     """
-    rows = len(solving.of(solving.at, False).residuals)
+
+    problem: UpdateProblem
+    end: Evaluation
+    own: int
+    changes: tuple[_Change, ...]
+    rows: int
+    left_out: int
+    factors: int
+    supports: int
+
+    @property
+    def n_raw(self) -> int:
+        """Number of values that change."""
+        return len(self.problem.parameters.free) - self.own
+
+    def within(self, raw: Reals) -> Reals:
+        """Normalised values (raw,) at which the model can be solved: no factor near zero, and no compliances."""
+        factors = np.arange(self.n_raw) < self.factors
+        inside = np.where(factors, np.maximum(raw, _LEAST_FACTOR - 1.0), raw)
+        inside[self.n_raw - self.supports :] = 0.0
+        return inside
+
+    def slopes(self, at: Evaluation) -> Reals:
+        """(rows, raw) derivatives of the residuals by the normalised values of what changes."""
+        J = np.concatenate([b.jacobian for b in kept_blocks(at)])[:, self.own :]
+        return np.vstack([J, np.zeros((self.rows - len(J), J.shape[1]))])
+
+    def about(self, at: Evaluation, apart: Collection[int] = ()) -> ModelErrors:
+        """The changes by their derivatives at an evaluation; some of them are apart, with a class of their own."""
+        changes = [replace(c, of=c.name) if i in apart else c for i, c in enumerate(self.changes)]
+        return replace(_compressed(changes, self.slopes(at)), left_out=self.left_out)
+
+    def wanted(self, at: Evaluation, start: Known, sigma: Reals) -> Integers:
+        """The changes that the data want if nothing else changes, the most wanted first.
+
+        Parameters
+        ----------
+        start : residuals without changes, linearised about `at`
+        sigma : (n,) sizes of the errors of the data
+        """
+        assert start.jacobian is not None
+        columns = self.slopes(at) @ np.array([c.direction for c in self.changes]).T
+        r, J = start.residuals / sigma, start.jacobian / sigma[:, None]
+        # what the parameters do not explain
+        left, size, _ = la.svd(J, full_matrices=False)
+        left = left[:, size > _SAME * size[0]]
+        both = np.column_stack([columns / sigma[:, None], r])
+        both -= left @ (left.T @ both)
+        B, y = both[:, :-1], both[:, -1]
+        fall = (B.T @ y) ** 2 / np.maximum(np.sum(B**2, axis=0), _LEAST_EFFECT**2)
+        return np.argsort(-fall)
+
+
+def unknown_changes(study: Study, result: UpdateResult, solving: Solving) -> UnknownChanges | str:
+    """What may be wrong in the model although no parameter represents it; or in words why there are no such changes."""
     if study.source.needs_runs or not study.source.has_elements:
-        return none_of(rows, "the model has no elements whose properties could change")
+        return "the model has no elements whose properties could change"
     fields, factors, left_out = tested_fields(study)
     try:
         masses = tested_masses(study, result, len(factors))
@@ -85,15 +160,14 @@ def model_errors(study: Study, result: UpdateResult, solving: Solving) -> ModelE
         widened = widened_problem(result, study.model, factors, [m.mass for m in masses], giving_way, couplings)
         end = widened_end(result, widened)
     except FemtuneError as error:
-        return none_of(rows, f"the model could not be extended by unknown changes: {error.what}")
+        return f"the model could not be extended by unknown changes: {error.what}"
     if _rows_of(end) != _rows_of(solving.at):
-        return none_of(
-            rows, "not all residuals have derivatives by unknown changes, as FRFs of models above 1,000 free DOFs"
-        )
-    J = np.concatenate([b.jacobian for b in kept_blocks(end)])[:, len(result.x) :]
-    J = np.vstack([J, np.zeros((rows - len(J), J.shape[1]))])
-    changes = [*_of_fields(study, result, fields, factors, J), *_added(masses, J), *_added(supports, J)]
-    return replace(_compressed(changes, rows), left_out=left_out)
+        return "not all residuals have derivatives by unknown changes, as FRFs of models above 1,000 free DOFs"
+    own = len(result.x)
+    raw = len(widened.parameters.free) - own
+    changes = (*_of_fields(study, result, fields, factors, raw), *_added(masses, raw), *_added(supports, raw))
+    rows = len(solving.of(solving.at, False).residuals)
+    return UnknownChanges(widened, end, own, changes, rows, left_out, len(factors), len(giving_way))
 
 
 def _rows_of(at: Evaluation) -> list[tuple[str, int]]:
@@ -102,68 +176,74 @@ def _rows_of(at: Evaluation) -> list[tuple[str, int]]:
 
 @dataclass(frozen=True, eq=False)
 class _Change:
-    """An unknown change: its class, what it is of, the usual change, and ∂r by the usual change (n,)."""
+    """An unknown change: its class, what it is of, the usual change, and the normalised values (raw,) of it."""
 
     of: str
     name: str
     usual: float
-    column: Reals
+    direction: Reals
 
 
 def _of_fields(
-    study: Study, result: UpdateResult, fields: Sequence[TestedField], factors: Sequence[WideningFactor], J: Reals
+    study: Study, result: UpdateResult, fields: Sequence[TestedField], factors: Sequence[WideningFactor], raw: int
 ) -> Iterator[_Change]:
     by_ref = {str(f.candidate.ref): f for f in fields if not f.place}
-    # factors by the parameters that set them; one that none sets is by itself
+    # factors of a field by the parameters that set them
     owners: dict[tuple[str, ...], list[int]] = {}
     for i, factor in enumerate(factors):
         of_field = [a for a in study.model.assignments if a.ref == factor.ref and a.parameter in result.active]
         setting = sorted({a.parameter for a in of_field if a.elements is None or factor.elements <= a.elements})
-        owners.setdefault(tuple(setting) or ("", str(i)), []).append(i)
+        owners.setdefault(tuple(setting) or ("", str(factor.ref)), []).append(i)
     for own, members in owners.items():
-        columns = J[:, members]
-        if own[0]:
-            # what the parts have in common is the parameter itself
-            columns = columns - columns.mean(axis=1, keepdims=True)
-        if own[0] and len(members) < 2:
-            continue
-        for i, column in zip(members, columns.T):
-            field, factor = by_ref[str(factors[i].ref)], factors[i]
-            kind = field.candidate.kind
-            count = len(factor.elements)
-            some = "" if len(field.factors) < 2 else f", {count} elements from {min(factor.elements)}"
-            usual, of_mass = 1.0 - kind.lower, "mass" in kind.what or "density" in kind.what
-            yield _Change(_MASSES if of_mass else _STIFFNESS, f"{factor.ref}{some}", usual, usual * column)
+        field, whole = by_ref[str(factors[members[0]].ref)], np.zeros(raw)
+        usual = 1.0 - field.candidate.kind.lower
+        whole[members] = usual
+        if not own[0]:
+            of_mass = "mass" in field.what or "density" in field.what
+            some = "" if len(members) == len(field.factors) else ", where no parameter sets it"
+            yield _Change(_MASSES if of_mass else _STIFFNESS, f"{field.field}{some}", usual, whole)
+        for i in members if len(members) > 1 else ():
+            # what the parts have in common is the whole, or the parameter
+            direction = -whole / len(members)
+            direction[i] += usual
+            of_part = f", {len(factors[i].elements)} elements from {min(factors[i].elements)}"
+            yield _Change(_PARTS, f"{factors[i].ref}{of_part}", usual, direction)
 
 
-def _added(tested: Sequence[TestedMass] | Sequence[TestedSupport], J: Reals) -> Iterator[_Change]:
+def _added(tested: Sequence[TestedMass] | Sequence[TestedSupport], raw: int) -> Iterator[_Change]:
     """One for each neighbourhood; supports that are tested together are left out, as the sum of theirs."""
     for one in tested:
         if len(one.factors) == 1:
-            of = _MASSES if isinstance(one, TestedMass) else _SUPPORTS
-            yield _Change(of, f"{one.field} {one.place}", 1.0, one.scale * J[:, one.factors[0]])
+            of = _LACKING if isinstance(one, TestedMass) else _SUPPORTS
+            direction = np.zeros(raw)
+            direction[one.factors[0]] = one.scale
+            yield _Change(of, f"{one.field} {one.place}", 1.0, direction)
 
 
-def _compressed(changes: Sequence[_Change], rows: int) -> ModelErrors:
+def _compressed(changes: Sequence[_Change], slopes: Reals) -> ModelErrors:
     """Within a class, orthogonal combinations have the same unknown standard deviation; those without effect go."""
+    directions = np.array([c.direction for c in changes]).reshape(len(changes), slopes.shape[1]).T
+    columns = slopes @ directions
     classes, blocks, turns, counts = list[NuisanceClass](), list[Reals](), list[Reals](), list[int]()
     first = 0
     for name in dict.fromkeys(c.of for c in changes):
         mine = [i for i, c in enumerate(changes) if c.of == name]
-        left, size, right = la.svd(np.column_stack([changes[i].column for i in mine]), full_matrices=False)
+        left, size, right = la.svd(columns[:, mine], full_matrices=False)
         kept = size * _COMMON_SHARE > _LEAST_EFFECT
         if not kept.any():
             continue
         turn = np.zeros((len(changes), int(kept.sum())))
-        turn[mine] = right[kept].T * np.array([[changes[i].usual] for i in mine])
+        turn[mine] = right[kept].T
         classes.append(NuisanceClass(name, np.arange(first, first + turn.shape[1]), _LIMITS))
         blocks.append(left[:, kept] * size[kept])
         turns.append(turn)
         counts.append(len(mine))
         first += turn.shape[1]
     if not classes:
-        return none_of(rows, "no change of a property, mass or support has an effect on the data")
-    names, effects = tuple(c.name for c in changes), np.array([la.norm(c.column) / c.usual for c in changes])
-    kept = np.hstack(turns).any(axis=1)
-    effects[~kept] = 0.0
-    return ModelErrors(tuple(classes), np.hstack(blocks), np.hstack(turns), effects, names, tuple(counts))
+        return none_of(len(slopes), "no change of a property, mass or support has an effect on the data")
+    turn, usual = np.hstack(turns), np.array([c.usual for c in changes])
+    effects = np.where(turn.any(axis=1), la.norm(columns, axis=0) / usual, 0.0)
+    names = tuple(c.name for c in changes)
+    return ModelErrors(
+        tuple(classes), np.hstack(blocks), usual[:, None] * turn, directions @ turn, effects, names, tuple(counts)
+    )

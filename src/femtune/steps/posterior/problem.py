@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -88,6 +89,12 @@ def sampler_of(
     k = len(moving)
     positive = parameters.denormalise(parameters.limits[0])[moving] > 0.0
     scaled = Scaled(parameters.nominal[moving], parameters.scale[moving], positive, np.zeros(k), np.ones(k))
-    here = solving.of(solving.at)
-    start = Known(np.clip(solving.at.x[moving], lower, upper), here.residuals, here.jacobian)
-    return Sampler(likelihood, NormalBox(lower, upper), start, scaled, model, rules, tell)
+    as_it_is = replace(solving, shift=None).of(solving.at)
+    start = alone = Known(np.clip(solving.at.x[moving], lower, upper), as_it_is.residuals, as_it_is.jacobian)
+    if solving.shift is not None:
+        there = model([solving.shift.about], True)[0]
+        start = alone if there is None else there
+    return Sampler(
+        likelihood, NormalBox(lower, upper), start, scaled, model, rules, tell,
+        None if solving.shift is None else alone,
+    )  # fmt: skip

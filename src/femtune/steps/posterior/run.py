@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,13 +22,15 @@ from femtune.sampling import (
     Likelihood,
     PosteriorSamples,
     SamplingRules,
+    Shift,
     SolvedSample,
     Solving,
     far_from,
 )
+from femtune.steps.posterior.centre import about_most_probable
 from femtune.steps.posterior.facts import OutsideOptimum, SampledFacts, posterior_results
 from femtune.steps.posterior.further import further_tests
-from femtune.steps.posterior.model_errors import model_errors, none_of
+from femtune.steps.posterior.model_errors import none_of, unknown_changes
 from femtune.steps.posterior.problem import at_result, likelihood_of, sampler_of, solving_of, without_likelihood
 from femtune.steps.run_folder import unwritable
 from femtune.study.error_places import errors_at
@@ -96,19 +98,22 @@ def posterior_at(
         problem = full if reduced is None else reduced.reduced_problem()
         solving = solving_of(problem, result, reduced is not None)
         executor = executor_of(study, reduced=reduced is not None)
+        rules = SamplingRules(table.draws, table.seed, table.gradients, sampling=table.sampling)
+        errors = none_of(len(solving.of(solving.at, False).residuals))
+        if table.discrepancy != "none":
+            progress.step("posterior: effects of errors of the model", 0, None)
+            changes = unknown_changes(study, result, solving)
+            if isinstance(changes, str):
+                errors = replace(errors, reason=changes)
+            else:
+                solving, errors = about_most_probable(changes, solving, result, table.noise, rules)
         solutions = _Solutions(solving, executor, FinishedRuns(folder / POSTERIOR_FILE, _key(solving)), progress)
         solutions.begin(study.file.study.journal)
-        if table.discrepancy == "none":
-            errors = none_of(len(solving.of(solving.at, False).residuals))
-        else:
-            progress.step("posterior: effects of errors of the model", 0, None)
-            errors = model_errors(study, result, solving)
         likelihood = likelihood_of(solving, result, table.noise, errors)
-        rules = SamplingRules(table.draws, table.seed, table.gradients, sampling=table.sampling)
         samples = sampler_of(solving, likelihood, rules, solutions, solutions.tell).run()
         starts, regions = _other_regions(study, update, problem, solving, samples, likelihood, table, progress)
         orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
-        error = None if reduced is None else _full_error(full, result, samples, likelihood, progress)
+        error = None if reduced is None else _full_error(full, result, samples, likelihood, solving.shift, progress)
         further, not_predicted = further_tests(study, samples, result.x, solving.moving, table.further_sd, progress)
     facts = SampledFacts(
         table=table, result=result, moving=solving.moving, samples=samples, likelihood=likelihood,
@@ -193,7 +198,8 @@ def _run(x: Reals, derivatives: bool) -> str:
 def _key(solving: Solving) -> str:
     """Of all that a solution depends on."""
     at, (lower, upper) = solving.at, solving.problem.parameters.bounds
-    return digest(at.x, at.residuals, at.jacobian, lower, upper, *solving.side.rows(at.x), solving.moving)
+    shift = () if solving.shift is None else (solving.shift.about, solving.shift.constant, solving.shift.slope)
+    return digest(at.x, at.residuals, at.jacobian, lower, upper, *solving.side.rows(at.x), solving.moving, *shift)
 
 
 def _line(solved: SolvedSample) -> dict[str, object]:
@@ -257,11 +263,12 @@ def _other_regions(
 
 
 def _full_error(
-    full: UpdateProblem, result: UpdateResult, samples: PosteriorSamples, likelihood: Likelihood, progress: Progress
-) -> float | None:
+    full: UpdateProblem, result: UpdateResult, samples: PosteriorSamples, likelihood: Likelihood, shift: Shift | None,
+    progress: Progress,
+) -> float | None:  # fmt: skip
     """Standard deviation of the difference of log likelihood of full and reduced model; None if it cannot be had."""
     moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
-    solving = Solving(full, at_result(full, result), result.side, moving)
+    solving = Solving(full, at_result(full, result), result.side, moving, shift)
     rng = np.random.default_rng(0)
     chosen = rng.choice(len(samples.x), _CHECKED_ON_FULL, p=samples.weights.values)
     differences = []

@@ -18,11 +18,16 @@ from femtune.steps.step import (
 
 
 def _tell(path: Any, quiet: bool) -> None:
+    from femtune.files.whole_file import digest_of  # noqa: PLC0415
+
+    if Path(path).is_file():
+        click.echo(f"SHA-256 of {Path(path).name}: {digest_of(Path(path))}")
     click.echo(f"report: {Path(path).resolve()}")
 
 
 STEP = Step(
     "report",
+    tables=("report",),
     command=Command(
         group="First steps",
         help="Rewrite the report of a run.\n\nPATH is a run folder, or a study with a run folder.",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from femtune.document.document import Document, Paragraph, Section
+from femtune.journal.run_files import DIGEST_FILE
 from femtune.steps import all_steps, report_sections
+from femtune.steps.report.approval import approval_of, document_facts
 from femtune.steps.report.view import view_of
 from femtune.steps.report_source import ReportSource
 from femtune.steps.run.page.short_form import short_form, verdict
@@ -18,22 +20,24 @@ from femtune.steps.step import load
 from femtune.study.model_source import FromDeck, ModelSource
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block
+    from femtune.document.document import Approval, Block
     from femtune.steps.results import Results
     from femtune.steps.step import Page, ReportSection
-    from femtune.study.record import StudyFacts
+    from femtune.study.record import InputFile, StudyFacts
 
 
-def build_report(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
-    """The report of a run as data; `arrays` by the keys that `results` refers to.
+def build_report(results: Results, arrays: Mapping[str, NDArray[Any]], files: Iterable[InputFile] = ()) -> Document:
+    """The report of a run as data; `arrays` by the keys that `results` refers to, `files` are those of the run folder.
 
     Sections whose data are absent say so. Pictures are drawn when a renderer asks for them.
     """
     source = ReportSource(results, arrays)
     sentence, level = verdict(source)
     sections = tuple(_section(_titled(section, results.study), source) for section in report_sections())
-    facts, short = _facts(results), short_form(source)
-    return Document(results.study.title, sentence, level, facts, sections, short, collect=partial(view_of, source))
+    return Document(
+        results.study.title, sentence, level, _facts(results), sections, short_form(source),
+        collect=partial(view_of, source), approval=_approval(results, files),
+    )  # fmt: skip
 
 
 def build_page(record: str, results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
@@ -41,8 +45,10 @@ def build_page(record: str, results: Results, arrays: Mapping[str, NDArray[Any]]
     page, source = pages()[record], ReportSource(results, arrays)
     sentence, level = load(page.verdict)(getattr(results, record))
     sections = tuple(made for section in page.sections if (made := _section(section, source)).blocks)
-    facts, collect = _facts(results), partial(view_of, source)
-    return Document(results.study.title, sentence, level, facts, sections, genre=page.genre, collect=collect)
+    return Document(
+        results.study.title, sentence, level, _facts(results), sections, genre=page.genre,
+        collect=partial(view_of, source), approval=_approval(results, ()),
+    )  # fmt: skip
 
 
 def pages() -> dict[str, Page]:
@@ -69,8 +75,14 @@ def _section(section: ReportSection, source: ReportSource) -> Section:
 def _facts(results: Results) -> tuple[tuple[str, str], ...]:
     study, origin = results.study, results.provenance
     return (
+        *document_facts(study.report),
         ((FromDeck if study.has_deck else ModelSource).title, study.deck_file),
         ("Configurations", ", ".join(study.configurations)),
         ("Units", study.units or "those of the deck (none are declared)"),
         ("Run", f"{origin.started_at}, femtune {origin.femtune_version}"),
     )
+
+
+def _approval(results: Results, files: Iterable[InputFile]) -> Approval:
+    origin = results.provenance
+    return approval_of(results.study.report, (origin.study_file, *origin.input_files), files, DIGEST_FILE)

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from femtune.arguments import checked
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Where
 from femtune.files.study_file import read_study_file
+from femtune.files.whole_file import digest_of, is_digest, write_whole
 from femtune.journal.owner import check_owner
-from femtune.journal.run_files import REPORT_FILE
+from femtune.journal.run_files import ARRAYS_FILE, DIGEST_FILE, REPORT_FILE, RESULTS_FILE
 from femtune.steps.result import ResultWithPage
 from femtune.steps.run.result import RunResult
 from femtune.study.described import Study
 from femtune.study.progress import silent
+from femtune.study.record import InputFile
 
 if TYPE_CHECKING:
     from femtune.document.document import Document
@@ -82,7 +85,27 @@ def report(
         page = checked_page(Path(folder) / REPORT_FILE)
         assert page is not None
     progress.step("writing the report", 0, None)
-    return write_html(document_of(result), page, progress)
+    written = write_html(document_of(result), page, progress)
+    if isinstance(result, RunResult) and written.name == REPORT_FILE and written.parent.samefile(result.folder):
+        write_digest(written)
+    return written
+
+
+def write_digest(page: Path) -> Path:
+    """Write the SHA-256 of a page beside it, in the format of ``sha256sum``.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``; ``run.other-file`` for a file there that is no digest
+    """
+    beside = page.with_name(DIGEST_FILE)
+    if os.path.lexists(beside) and not is_digest(beside):
+        raise FemtuneError("run.other-file", where=Where(str(beside)), name=DIGEST_FILE)
+    try:
+        write_whole(beside, f"{digest_of(page)}  {page.name}\n".encode())
+    except OSError as error:
+        raise FemtuneError("run.unwritable/report", where=Where(str(beside)), reason=error.strerror or error) from error
+    return beside
 
 
 def _read(source: Path | str | Study) -> RunResult:
@@ -97,6 +120,12 @@ def _read(source: Path | str | Study) -> RunResult:
     return RunResult(file.output_folder, *read_results(file.output_folder))
 
 
+def files_of(folder: Path) -> tuple[InputFile, ...]:
+    """The results in a run folder with their digests; () for a folder without them."""
+    paths = [folder / name for name in (RESULTS_FILE, ARRAYS_FILE)]
+    return tuple(InputFile(path=path.name, sha256=digest_of(path)) for path in paths if path.is_file())
+
+
 def document_of(result: RunResult | ResultWithPage | IdentifyResult) -> Document:
     """The page of a result as data."""
     # imported here, because pictures take a second to import and most calls need none
@@ -104,7 +133,7 @@ def document_of(result: RunResult | ResultWithPage | IdentifyResult) -> Document
     from femtune.steps.report.build import build_page, build_report  # noqa: PLC0415
 
     if isinstance(result, RunResult):
-        return build_report(result.results, result.arrays)
+        return build_report(result.results, result.arrays, files_of(result.folder))
     if isinstance(result, ResultWithPage):
         return build_page(result.page, result.results, result.arrays)
     return build_identification_page(result)

@@ -42,6 +42,7 @@ from femtune.document.page_view import (
 from femtune.steps.correlate.page.correlation import pair_places, shown_columns
 from femtune.steps.live.page import live_view
 from femtune.steps.modes.page.mode_shapes import measured_places, structure_of
+from femtune.steps.report.choices_view import choices_view
 from femtune.steps.report_source import VERSION_HEADS
 from femtune.steps.respond.page import ordered_pairs
 from femtune.study.drawn_mesh import DrawnMesh, thinned
@@ -82,7 +83,13 @@ def view_of(source: ReportSource) -> PageView:
     names = list(dict.fromkeys(m.shapes.configuration for m in kept))
     share = MOTION_BYTES // max(1, len(names))
     scenes = (_scene(source, [m for m in kept if m.shapes.configuration == name], share) for name in names)
-    return PageView(tuple(s for s in scenes if s), tuple(_functions(source)), _history(source), live=live_view(source))
+    return PageView(
+        tuple(s for s in scenes if s),
+        tuple(_functions(source)),
+        _history(source),
+        live=live_view(source),
+        choices=choices_view(source),
+    )
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from femtune.steps.step import (
+    CHOICES,
     EIGENSOLVER,
     FRESH,
     JOBS,
@@ -36,6 +37,7 @@ STEP = Step(
         ),
         params=(
             STUDY,
+            CHOICES,
             OUTPUT,
             WIDE,
             EIGENSOLVER,

@@ -27,6 +27,7 @@ def run(
     *,
     parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
     residuals: Sequence[Any] | Mapping[str, Any] | None = None,
+    choices: Path | str | None = None,
     output: Path | str | None = None,
     wide: bool | None = None,
     fresh: bool = False,
@@ -38,6 +39,7 @@ def run(
 
     Parameters
     ----------
+    choices : file of choices that were made on the page of a report
     source, test, parameters, residuals, output, wide, fresh, jobs, progress, tables : as for `update`
 
     Raises
@@ -55,7 +57,7 @@ def run(
     >>> result.report.name, result.folder.name
     ('report.html', 'cantilever')
     """
-    study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
+    study = source_of(source, test=test, parameters=parameters, residuals=residuals, choices=choices, **tables)
     result = _run(study, "run", output, wide, fresh, progress, jobs)
     return replace(result, report=report(result, progress=progress))
 

@@ -128,6 +128,15 @@ class CriterionRecord(Record):
     """The standard alone: "NASA-STD-5002"; "" in older results."""
 
 
+class ForbiddenPair(Record):
+    """A pair of modes that the study forbids."""
+
+    test_label: str
+    """Label of the test mode."""
+    model_number: int
+    """Number of the model mode, from 1."""
+
+
 class CorrelationResults(Record):
     """Test against model: one configuration at one model version."""
 
@@ -153,6 +162,9 @@ class CorrelationResults(Record):
     """Test modes of the rows of the MAC matrix."""
     mac_test_freq_hz: tuple[float, ...]
     """Their frequencies in Hz."""
+    test_damping_ratio: tuple[float | None, ...] = ()
+    """Their measured damping ratios (no unit), None for a mode without one; empty if the test has none, and in older
+    results."""
     mac_model_numbers: tuple[int, ...]
     """Model modes of the columns of the MAC matrix, from 1."""
     mac_model_freq_hz: tuple[float, ...]
@@ -184,5 +196,7 @@ class CorrelationResults(Record):
     """Effect of errors in the placement of the sensors; None if the study states none."""
     expansion: ExpansionResults | None = None
     """Test shapes expanded to the model; None if the study does not request it."""
+    never_pairs: tuple[ForbiddenPair, ...] = ()
+    """Pairs that the study forbids."""
     alerts: tuple[Alert, ...] = ()
     """Findings of the comparison and of the solution of the modes, such as sensors that move against the model."""

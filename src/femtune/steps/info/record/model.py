@@ -247,6 +247,23 @@ class BesideDeck(Record):
     """The modes of the solver that move at its DOFs."""
 
 
+class UpdatableField(Record):
+    """A field of the deck that elements use and that can become a parameter, with usual bounds."""
+
+    name: str
+    """A name for the parameter: "I1_PBAR_1"."""
+    field: str
+    """The field: "PBAR 1 I1"."""
+    what: str
+    """What it is: "property: section"."""
+    value: float
+    """Its value in the deck, in units of the deck."""
+    lower: float
+    """Usual lower bound of a factor on it."""
+    upper: float
+    """Usual upper bound of a factor on it."""
+
+
 class ModelFacts(Record):
     """Content of the deck, and the model built from it."""
 
@@ -270,6 +287,9 @@ class ModelFacts(Record):
     """Shapes of the elements; None in older results without this field."""
     beside_deck: tuple[BesideDeck, ...] = ()
     """The external solver beside the deck, by input; empty where they were not compared."""
+    fields: tuple[UpdatableField, ...] = ()
+    """Fields of properties, materials, joints and masses that can become parameters; at most 200, and empty for a model
+    without a deck and in older results."""
 
 
 class MatchedSensor(Record):
@@ -301,6 +321,15 @@ class UnmatchedSensor(Record):
     """The reason."""
 
 
+class ExciterRecord(Record):
+    """A degree of freedom at which the structure was excited: a reference of the measured functions."""
+
+    test_dof: str
+    """Label in the test: "12X+"."""
+    place: tuple[float, float, float] | None
+    """Its place in the basic coordinate system, in the study's unit of length; None without coordinates."""
+
+
 class SensorResults(Record):
     """Sensors of one configuration."""
 
@@ -314,6 +343,8 @@ class SensorResults(Record):
     """Sensors that are compared, generalised ones among them."""
     unmatched: tuple[UnmatchedSensor, ...]
     """Sensors that were not matched."""
+    exciters: tuple[ExciterRecord, ...] = ()
+    """References of the measured functions; empty for a test of modes alone, and in older results."""
 
 
 class EffectiveMasses(Record):

@@ -13,7 +13,7 @@ from femtune.steps.judge.page.parts import parts_blocks
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Level
-    from femtune.steps.judge.record.judgement import VerdictOfRun
+    from femtune.steps.judge.record.judgement import JudgementResults, VerdictOfRun
     from femtune.steps.judge.record.reason import ReasonRecord
     from femtune.steps.report_source import ReportSource
 
@@ -31,6 +31,11 @@ EVIDENCE: tuple[Callable[[ReportSource], Iterable[Block]], ...] = (
     coverage_blocks,
 )
 """Blocks of the topics, in their order."""
+
+
+def judgement_verdict(found: JudgementResults) -> tuple[str, Level]:
+    """The line of the verdict, and how serious it is."""
+    return found.line, LEVELS[found.verdict]
 
 
 def judgement(source: ReportSource) -> list[Block]:

@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from femtune.document.document import Cell, Heading, Paragraph, Table, columns, row
+from femtune.document.document import Beside, Cell, Heading, Paragraph, Table, columns, row
 from femtune.document.numbers import NONE, NOT_TESTED, counted, listed, short, signed_percent, value, with_unit
+from femtune.steps.run.page.basis import basis
 from femtune.steps.run.page.short_form import not_tested, undetermined
 from femtune.steps.run.page.summary import is_green, summary
 from femtune.steps.update.page.parameters import interval_ends, physical_values
@@ -28,12 +29,14 @@ def review(source: ReportSource) -> list[Block]:
     # a study may compare FRFs or masses alone, without modes
     compared = source.results.correlations or source.results.update
     open_ = [*undetermined(source), *not_tested(source)] if compared else []
-    return [
-        *summary(source),
-        *_verdict(source),
-        *_changes(source),
-        *([Heading("What stays open"), *open_] if open_ else []),
-    ]
+    changes, stays = _changes(source), [Heading("What stays open"), *open_] if open_ else []
+    ends: list[Block] = [Beside((*changes,), (*stays,))] if changes and stays else [*changes, *stays]
+    return [*summary(source), *_verdict(source), *basis(source), *ends]
+
+
+def comparison(source: ReportSource) -> list[Block]:
+    """The first page of a comparison without an update: key numbers and alerts, the verdict, what it is based on."""
+    return [*summary(source), *_verdict(source), *basis(source)]
 
 
 @dataclass(frozen=True)
@@ -44,10 +47,12 @@ class _Judged:
     data: str
     configuration: str
     asked: str
+    limit: float
     limit_side: float
     measured: float | None
     unit: str
     verdict: VerdictWord
+    why: str
 
 
 def _judged(source: ReportSource) -> Iterable[_Judged]:
@@ -55,14 +60,17 @@ def _judged(source: ReportSource) -> Iterable[_Judged]:
         if c.stage == source.final_version or (source.results.update is None and c.stage == "before"):
             for one in c.criteria:
                 side = 1.0 if one.sense == "at most" else -1.0
-                asked = _asked(one.sense, one.limit, one.unit)
-                yield _Judged(one.name, "all paired modes", c.configuration, asked, side, one.measured, one.unit,
-                              one.verdict)  # fmt: skip
+                yield _Judged(
+                    one.name, "all paired modes", c.configuration, _asked(one.sense, one.limit, one.unit), one.limit,
+                    side, one.measured, one.unit, one.verdict, one.remark,
+                )  # fmt: skip
     validation = source.results.validation
     for v in validation.verdicts if validation else ():
         side = 1.0 if v.sense == "at most" else -1.0
-        asked = _asked(v.sense, v.required, v.unit)
-        yield _Judged(v.criterion, f"not used: {v.data}", v.configuration, asked, side, v.measured, v.unit, v.verdict)
+        yield _Judged(
+            v.criterion, f"not used: {v.data}", v.configuration, _asked(v.sense, v.required, v.unit), v.required,
+            side, v.measured, v.unit, v.verdict, v.remark,
+        )  # fmt: skip
 
 
 def _asked(sense: str, limit: float, unit: str) -> str:
@@ -83,7 +91,7 @@ def _verdict(source: ReportSource) -> list[Block]:
     said += f", {left} {'was' if left == 1 else 'were'} not tested" if left else ""
     passed: Tone = "good" if is_green(source) else ""
     tone: Tone = "poor" if counts["fail"] else passed if counts["pass"] else "muted"
-    heads = columns("Criterion", "Data", ">Required", ">Worst", "Where", "Verdict")
+    heads = columns("Criterion", "Data", ">Required", ">Worst", "Where and why", "Verdict")
     note = "Worst value over all configurations; details in the sections on validation and acceptance criteria."
     return [
         Heading("Acceptance criteria"),
@@ -101,12 +109,23 @@ def _verdict_row(group: list[_Judged]) -> tuple[Cell, ...]:
     tested = [one for one in group if one.verdict != NOT_TESTED]
     first = group[0]
     if not tested:
-        return row(first.name, first.data, first.asked, NONE, NONE, verdict_cell(NOT_TESTED))
+        return row(first.name, first.data, first.asked, NONE, first.why or NONE, verdict_cell(NOT_TESTED))
     worst = max(tested, key=lambda one: (one.verdict == "fail", one.limit_side * (one.measured or 0.0)))
     left = len(group) - len(tested)
-    where = worst.configuration + (f"; not tested in {left} of {len(group)}" if left else "")
+    where = worst.configuration + (f": {worst.why}" if worst.why else "")
+    where += _despite(worst) + (f"; not tested in {left} of {len(group)}" if left else "")
     measured = NONE if worst.measured is None else with_unit(short(worst.measured), worst.unit)
     return row(first.name, first.data, first.asked, measured, where, verdict_cell(worst.verdict))
+
+
+def _despite(one: _Judged) -> str:
+    """Why a criterion failed though its number is within the limit."""
+    within = one.measured is not None and one.limit_side * one.measured <= one.limit_side * one.limit
+    return (
+        " (the value is within the limit, but a mode without a partner fails it)"
+        if one.verdict == "fail" and within
+        else ""
+    )
 
 
 def _changes(source: ReportSource) -> list[Block]:
