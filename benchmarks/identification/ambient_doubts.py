@@ -71,11 +71,12 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--records", type=int, default=20)
+    parser.add_argument("--kinds", nargs="*", default=KINDS, choices=KINDS)
     options = parser.parse_args()
     asked = Operational(BAND, 60)
     print("| record | modes | refined | frequency | damping | 95 % before, frequency | damping | after, frequency "
           "| damping |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |")  # fmt: skip
-    for kind in KINDS:
+    for kind in options.kinds:
         before, after, count = [], [], 0
         for seed in range(options.records):
             record = simulated(kind, seed)

@@ -22,7 +22,7 @@ from femtune.identification.in_place import allowed_distance
 from femtune.identification.operational import Operational, OperationalModes, real_shape
 from femtune.identification.quantities import DERIVATIVES
 from femtune.identification.whittle import Fit, Lines, Spectrum, expected, fit, in_bins, misfit, score, spread
-from femtune.modal import TimeSeries
+from femtune.modal import ModeSet, TimeSeries
 
 REACHES = (20.0, 10.0, 5.0)
 """Half bandwidths on each side of a mode whose lines are used, the first with which they are noise about the model.
@@ -62,6 +62,10 @@ KNOWN_DAMPING = 4.0
 """Standard deviations above zero of the damping ratios of both modes into which one is divided."""
 LEAST_APART = 0.05
 """Their distance in half bandwidths, where they have one shape."""
+CONTRADICTS = 2.6
+"""Standard deviations of the difference to the method before, above which a mode stays as it was: 1 % by chance."""
+LEAST_DIFFERENCE = 0.25
+"""Variance of that difference over that of the method before, at least: both variances are estimates."""
 DAMPING = 5.0
 """Ratio of the damping ratios of a mode before and after, beyond which it is another mode."""
 
@@ -468,7 +472,7 @@ def _as_modes(found: OperationalModes, state: _State, rows: Integers, powers: Re
         return Refined(found)
     entries: list[tuple[int, int | None]] = []
     for i, members in enumerate(parts):
-        if known[members].all():
+        if known[members].all() and not (len(members) == 1 and _contradicts(modes, i, state, int(members[0]))):
             entries += [(i, int(j)) for j in members[np.argsort(state.model.freq_hz[members])]]
         else:
             entries.append((i, None))
@@ -505,6 +509,21 @@ def _as_modes(found: OperationalModes, state: _State, rows: Integers, powers: Re
     positions = tuple(k for k, (_, j) in enumerate(entries) if j is not None)
     divided = tuple(float(modes.freq_hz[i]) for i in dict.fromkeys(at) if at.count(i) > 1)
     return Refined(replace(found, modes=new, complex_shapes=complex_shapes, candidates=candidates), positions, divided)
+
+
+def _contradicts(modes: ModeSet, i: int, state: _State, j: int) -> bool:
+    """Whether the refinement moves a mode by more than errors of both methods explain (Hausman, 1978).
+
+    The variance of the difference is that of the less accurate estimate less that of the more accurate one, if the
+    model of the spectra is right. A load that changes within the band of the mode moves the refined one alone.
+    """
+    if modes.freq_sd_hz is None or modes.damping_sd is None:
+        return False
+    before = np.array([modes.freq_hz[i], modes.damping_ratio[i]])
+    after = np.array([state.model.freq_hz[j], state.model.damping_ratio[j]])
+    variance = np.array([modes.freq_sd_hz[i], modes.damping_sd[i]]) ** 2
+    between = np.maximum(variance - (state.sd[j] * after) ** 2, LEAST_DIFFERENCE * variance)
+    return bool(np.any((after - before) ** 2 > CONTRADICTS**2 * between))
 
 
 def _candidates(candidates: tuple[Candidate, ...], at: Sequence[int]) -> tuple[Candidate, ...]:
