@@ -163,7 +163,7 @@ class Details:
 
 
 @dataclass(frozen=True)
-class Beside:
+class TwoColumns:
     """Two columns of blocks, side by side if there is room."""
 
     left: tuple[Block, ...]
@@ -171,13 +171,13 @@ class Beside:
     kind: ClassVar[str] = "beside"
 
 
-Block = Paragraph | Heading | Listing | AlertBox | KeyNumbers | Table | Figure | FigureRow | Details | Beside
+Block = Paragraph | Heading | Listing | AlertBox | KeyNumbers | Table | Figure | FigureRow | Details | TwoColumns
 
 
 def flat(blocks: Iterable[Block]) -> Iterator[Block]:
     """The blocks, with those of columns one after another."""
     for block in blocks:
-        if isinstance(block, Beside):
+        if isinstance(block, TwoColumns):
             yield from flat((*block.left, *block.right))
         else:
             yield block

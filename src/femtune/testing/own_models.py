@@ -45,8 +45,8 @@ def check_own_model(model: Model, values: Mapping[str, float], tolerance: float 
         after, before = (own.modes({**point, name: value + s}) for s in (step, -step))
         pairs = [("frequencies", after.freq_hz, before.freq_hz, exact[name].freq_hz)]
         if centre.has_shapes:
-            turned = [_turned(modes.shapes, centre.shapes) for modes in (after, before)]
-            pairs.append(("shapes", *turned, exact[name].shapes))
+            higher, lower = _turned(after.shapes, centre.shapes), _turned(before.shapes, centre.shapes)
+            pairs.append(("shapes", higher, lower, exact[name].shapes))
         for what, one, other, given in pairs:
             _compare(f"derivatives of {what} by {name}", (one - other) / (2.0 * step), given, tolerance)
 

@@ -229,6 +229,7 @@ def init_study(
     progress.step("reading the deck", 0, None)
     chosen = None if choices is None else _chosen(choices, deck, test)
     model = model_of_deck(deck, units, ())
+    assert model.built is not None  # a deck always builds one
     inputs = [*(Input(Path(name), Where(name), "deck") for name in model.built.files), _test_input(test)]
     check_outputs(inputs, [folder / STUDY_FILE, folder / PICTURE_FILE])
     check_writable(folder)
@@ -438,6 +439,7 @@ class _Draft:
         """Modes of the model as the deck has it, beside those of the test; the parameters ranked."""
         assert self.sensors is not None
         progress.step("assigning the sensors", 0, None)
+        assert self.model.built is not None
         fields = candidates(self.model.built)
         try:
             study = load_study(self._file(fields, True), progress)
@@ -727,8 +729,10 @@ class _Draft:
             text.say("The parameters are those that were chosen on the page of a report, instead of the proposed ones.")
         for p in chosen:
             text.table("[[parameter]]")
-            for name, value in (("name", p.name), ("fields", (p.field,)), ("lower", p.lower), ("upper", p.upper)):
-                text.key(name, value)
+            text.key("name", p.name)
+            text.key("fields", (p.field,))
+            text.key("lower", p.lower)
+            text.key("upper", p.upper)
         for one in taken if not chosen else ():
             c = one.candidate
             text.table("[[parameter]]")

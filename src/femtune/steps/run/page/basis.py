@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.document.document import Beside, Cell, Column, Figure, Paragraph, Table, columns, row
+from femtune.document.document import Cell, Column, Figure, Paragraph, Table, TwoColumns, columns, row
 from femtune.document.figures.sensors import TEST_POINT, Marks, still_svg
 from femtune.document.numbers import NONE, counted, freq, listed, percent, short, signed_percent, value, with_unit
 from femtune.steps.info.page import support_words
@@ -35,7 +35,7 @@ def basis(source: ReportSource) -> list[Block]:
     rows = [row(name, text) for name, make in _LINES if (text := make(source))]
     heads = columns("Question", "Answer")
     masses, still = effective_masses(source), sensors_on_structure(source)
-    last: list[Block] = [Beside((*masses,), (*still,))] if masses and still else [*masses, *still]
+    last: list[Block] = [TwoColumns((*masses,), (*still,))] if masses and still else [*masses, *still]
     return [Table("Basis of the report", heads, tuple(rows), prose=True), *last]
 
 

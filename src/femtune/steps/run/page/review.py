@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from femtune.document.document import Beside, Cell, Heading, Paragraph, Table, columns, row
+from femtune.document.document import Cell, Heading, Paragraph, Table, TwoColumns, columns, row
 from femtune.document.numbers import NONE, NOT_TESTED, counted, listed, short, signed_percent, value, with_unit
 from femtune.steps.run.page.basis import basis
 from femtune.steps.run.page.short_form import not_tested, undetermined
@@ -30,7 +30,7 @@ def review(source: ReportSource) -> list[Block]:
     compared = source.results.correlations or source.results.update
     open_ = [*undetermined(source), *not_tested(source)] if compared else []
     changes, stays = _changes(source), [Heading("What stays open"), *open_] if open_ else []
-    ends: list[Block] = [Beside((*changes,), (*stays,))] if changes and stays else [*changes, *stays]
+    ends: list[Block] = [TwoColumns((*changes,), (*stays,))] if changes and stays else [*changes, *stays]
     return [*summary(source), *_verdict(source), *basis(source), *ends]
 
 
