@@ -17,7 +17,7 @@ from femtune.identification.operational import (
     chosen_modes,
     prepared,
 )
-from femtune.identification.refined import Refined, refined
+from femtune.identification.refined import RefinedModes, refined
 from femtune.modal import Channel, TimeSeries
 
 RATE, BAND = 40.0, (0.8, 15.0)
@@ -38,11 +38,11 @@ def record(freq: np.ndarray, ratio: np.ndarray, seed: int, phase: float = 0.0, s
     return TimeSeries(motion, [Channel(Dof(i + 1, "Z"), "acceleration") for i in range(4)], sampling_hz=RATE)
 
 
-def both(measured: TimeSeries) -> tuple[Refined, Refined]:
+def both(measured: TimeSeries) -> tuple[RefinedModes, RefinedModes]:
     """Before and after."""
     asked = Operational(BAND, 40)
     found, ready = by_covariances(measured, asked), prepared(measured, asked)
-    return Refined(found), refined(found, ready, find_lines(ready, BAND), asked)
+    return RefinedModes(found), refined(found, ready, find_lines(ready, BAND), asked)
 
 
 @pytest.mark.slow

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from femtune.identification.whittle import (
-    Lines,
-    Spectrum,
+    ModalSpectrum,
+    SpectrumLines,
     derivatives,
     expected,
     fit,
@@ -26,19 +26,19 @@ STEP = 0.01
 """Distance of the lines of a record of 100 s, Hz."""
 
 
-def spectrum(freq: list[float], ratio: list[float], channels: int, noise: float = 1e-4, seed: int = 0) -> Spectrum:
+def spectrum(freq: list[float], ratio: list[float], channels: int, noise: float = 1e-4, seed: int = 0) -> ModalSpectrum:
     rng = np.random.default_rng(seed)
     f, z = np.array(freq), np.array(ratio)
     shapes = rng.uniform(0.3, 1.0, (channels, len(f))) * rng.choice((-1.0, 1.0), (channels, len(f)))
     root = rng.standard_normal((len(f), len(f) + 2))
     own, unit = 2.0 * np.pi * f, 2.0 * np.pi * float(f.mean())
-    return Spectrum(
+    return ModalSpectrum(
         f, z, shapes, root @ root.T, np.full(channels, noise), np.arange(channels) % 3.0, 2.0 * z * own**2, unit,
         np.zeros(0),
     )  # fmt: skip
 
 
-def transform(s: Spectrum, hz: np.ndarray, seed: int) -> np.ndarray:
+def transform(s: ModalSpectrum, hz: np.ndarray, seed: int) -> np.ndarray:
     """(n, k) lines drawn from the model."""
     rng = np.random.default_rng([1, seed])
     lower = np.linalg.cholesky(s.at(2.0 * np.pi * np.maximum(hz, STEP)))
@@ -46,7 +46,7 @@ def transform(s: Spectrum, hz: np.ndarray, seed: int) -> np.ndarray:
     return np.einsum("kij,kj->ik", lower, z[0] + 1j * z[1]) / np.sqrt(2.0)
 
 
-def drawn(s: Spectrum, band: tuple[float, float], seed: int = 0) -> tuple[Lines, np.ndarray]:
+def drawn(s: ModalSpectrum, band: tuple[float, float], seed: int = 0) -> tuple[SpectrumLines, np.ndarray]:
     hz = STEP * np.arange(round(band[1] / STEP) + 2)
     values = transform(s, hz, seed)
     poles = 2.0 * np.pi * s.freq_hz * (1j - s.damping_ratio)

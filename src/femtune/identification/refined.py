@@ -21,7 +21,17 @@ from femtune.identification.harmonics import Line, Removed, without_lines
 from femtune.identification.in_place import allowed_distance
 from femtune.identification.operational import Operational, OperationalModes, real_shape
 from femtune.identification.quantities import DERIVATIVES
-from femtune.identification.whittle import Fit, Lines, Spectrum, expected, fit, in_bins, misfit, score, spread
+from femtune.identification.whittle import (
+    ModalSpectrum,
+    SpectrumFit,
+    SpectrumLines,
+    expected,
+    fit,
+    in_bins,
+    misfit,
+    score,
+    spread,
+)
 from femtune.modal import ModeSet, TimeSeries
 
 REACHES = (20.0, 10.0, 5.0)
@@ -71,7 +81,7 @@ DAMPING = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Refined:
+class RefinedModes:
     """Modes after the refinement.
 
     Parameters
@@ -100,7 +110,7 @@ class _State:
     divided : (m,) those
     """
 
-    model: Spectrum
+    model: ModalSpectrum
     of: Integers
     inside: int
     sd: Reals
@@ -113,7 +123,7 @@ class _Data:
     """The lines of a record: transform (n, k) per √Hz, its bins, and the duration."""
 
     transform: Complexes
-    lines: Lines
+    lines: SpectrumLines
     duration_s: float
 
 
@@ -123,7 +133,7 @@ def refined(
     lines: Sequence[Line],
     asked: Operational,
     gone: Sequence[Removed] = (),
-) -> Refined:
+) -> RefinedModes:
     """The modes of a method with poles, by maximum likelihood.
 
     Parameters
@@ -135,7 +145,7 @@ def refined(
     """
     table, chosen = found.table, [c for c in found.candidates if c.chosen]
     if table is None or not chosen:
-        return Refined(found)
+        return RefinedModes(found)
     rate, rule = record.even_hz, asked.rule
     wide = (0.3 * asked.band_hz[0], 0.47 * rate)
     outside = [
@@ -146,11 +156,11 @@ def refined(
     at = [c.at for c in (*chosen, *outside)]
     ratio = table.damping_ratio[at]
     if not np.all(ratio > 0.0):
-        return Refined(found)
+        return RefinedModes(found)
     rows = np.flatnonzero(record.values.std(axis=1) > 0.0)
     data = _data(record, rows, lines, gone, asked.band_hz, table.poles[at])
     if data is None:
-        return Refined(found)
+        return RefinedModes(found)
     powers = np.array([DERIVATIVES.get(c.quantity, DERIVATIVES["acceleration"]) for c in record.channels], float)[rows]
     shapes = np.stack([real_shape(s) for s in table.shapes[rows][:, at].T], axis=1)
     unit = 2.0 * np.pi * float(np.exp(np.mean(np.log(table.freq_hz[at]))))
@@ -194,14 +204,14 @@ def _data(
     return _Data(transform, in_bins(transform, step_hz, usable, poles), samples / rate)
 
 
-def _start(lines: Lines, freq: Reals, ratio: Reals, shapes: Reals, powers: Reals, unit: float) -> Spectrum:
+def _start(lines: SpectrumLines, freq: Reals, ratio: Reals, shapes: Reals, powers: Reals, unit: float) -> ModalSpectrum:
     """Forces by the power at the resonances, noises by the least of the spectra."""
     own = 2.0 * np.pi * freq
     power = np.einsum("bii->bi", lines.power).real
     wide = lines.count >= min(8.0, float(np.median(lines.count)))
     noise = np.maximum(np.quantile(power[wide], 0.02, axis=0), 1e-12 * power.max(axis=0))
     forces = np.ones(len(freq))
-    model = Spectrum(freq, ratio, shapes, np.diag(forces), noise, powers, 2.0 * ratio * own**2, unit, np.zeros(0))
+    model = ModalSpectrum(freq, ratio, shapes, np.diag(forces), noise, powers, 2.0 * ratio * own**2, unit, np.zeros(0))
     columns = model.columns(lines.omega)
     for j in range(len(freq)):
         b = np.argsort(np.abs(lines.omega - own[j]))[:10]
@@ -240,7 +250,7 @@ def _swept_once(state: _State, data: _Data, may_divide: bool) -> _State:
     return state
 
 
-def _groups(model: Spectrum, inside: Integers) -> list[Integers]:
+def _groups(model: ModalSpectrum, inside: Integers) -> list[Integers]:
     half, freq = model.damping_ratio * model.freq_hz, model.freq_hz
     order = inside[np.argsort(freq[inside])].tolist()
     groups = [[order[0]]]
@@ -263,14 +273,14 @@ class _Window:
     mix : (r, n) of the channels
     """
 
-    model: Spectrum
-    lines: Lines
+    model: ModalSpectrum
+    lines: SpectrumLines
     modes: Integers
     free: Integers
     mix: Reals
 
 
-def _window(model: Spectrum, data: _Data, group: Integers, reach: float) -> _Window | None:
+def _window(model: ModalSpectrum, data: _Data, group: Integers, reach: float) -> _Window | None:
     hz, half = data.lines.omega / (2.0 * np.pi), model.damping_ratio * model.freq_hz
     keep = np.any(np.abs(hz[:, None] - model.freq_hz[group]) <= reach * half[group], axis=1)
     if data.lines.count[keep].sum() < LEAST_LINES:
@@ -294,7 +304,7 @@ def _window(model: Spectrum, data: _Data, group: Integers, reach: float) -> _Win
     return _Window(expected(part, lines, 6), lines, modes, np.searchsorted(modes, group), mix)
 
 
-def _mixtures(model: Spectrum, largest: Reals) -> tuple[Reals, Reals]:
+def _mixtures(model: ModalSpectrum, largest: Reals) -> tuple[Reals, Reals]:
     """Mixtures (r, n) of channels of one quantity each, of unit noise, that have more than noise; derivatives (r,)."""
     root, mixes, powers = np.sqrt(model.noise), [], []
     signs = np.sign(model.shapes)
@@ -309,7 +319,7 @@ def _mixtures(model: Spectrum, largest: Reals) -> tuple[Reals, Reals]:
     return np.vstack(mixes), np.array(powers)
 
 
-def _fitted(window: _Window, free: Integers) -> Fit | None:
+def _fitted(window: _Window, free: Integers) -> SpectrumFit | None:
     """By white forces, or by coloured ones where the likelihood grows with them by more than chance."""
     try:
         white = fit(window.model, window.lines, free)
@@ -321,7 +331,7 @@ def _fitted(window: _Window, free: Integers) -> Fit | None:
 
 
 def _with_group(state: _State, data: _Data, group: Integers, may_divide: bool) -> _State:
-    worst: tuple[Fit, _Window] | None = None
+    worst: tuple[SpectrumFit, _Window] | None = None
     for reach in REACHES:
         window = _window(state.model, data, group, reach)
         found = None if window is None else _fitted(window, window.free)
@@ -336,7 +346,7 @@ def _with_group(state: _State, data: _Data, group: Integers, may_divide: bool) -
     return _divided(state, group, *worst)
 
 
-def _accepted(state: _State, data: _Data, group: Integers, found: Fit, window: _Window) -> _State:
+def _accepted(state: _State, data: _Data, group: Integers, found: SpectrumFit, window: _Window) -> _State:
     """With the group where the fit has it, unless a mode has left its place."""
     s, f = found.spectrum, len(group)
     freq, ratio = s.freq_hz[found.free], s.damping_ratio[found.free]
@@ -362,7 +372,7 @@ def _accepted(state: _State, data: _Data, group: Integers, found: Fit, window: _
     return replace(state, model=model, sd=all_sd, shapes_sd=shapes_sd)
 
 
-def _shape(found: Fit, k: int, window: _Window, model: Spectrum) -> tuple[Reals, Reals]:
+def _shape(found: SpectrumFit, k: int, window: _Window, model: ModalSpectrum) -> tuple[Reals, Reals]:
     """Shape of a free mode at all channels, as the model has them, and its standard deviations."""
     s, j, f = found.spectrum, int(found.free[k]), len(found.free)
     n = len(s.shapes)
@@ -377,11 +387,11 @@ def _shape(found: Fit, k: int, window: _Window, model: Spectrum) -> tuple[Reals,
     return shape, sd
 
 
-def _divided(state: _State, group: Integers, found: Fit, window: _Window) -> _State:
+def _divided(state: _State, group: Integers, found: SpectrumFit, window: _Window) -> _State:
     """With one mode of the group as two, where the lines are noise about the model then."""
     if len(window.mix) > MOST_CHANNELS:
         return state
-    best: tuple[Fit, int] | None = None
+    best: tuple[SpectrumFit, int] | None = None
     for k, j in enumerate(window.free.tolist()):
         trial = _fitted_as_two(found, window, j)
         if trial is not None and (best is None or trial.objective < best[0].objective):
@@ -429,7 +439,7 @@ def _divided(state: _State, group: Integers, found: Fit, window: _Window) -> _St
     )  # fmt: skip
 
 
-def _fitted_as_two(found: Fit, window: _Window, j: int) -> Fit | None:
+def _fitted_as_two(found: SpectrumFit, window: _Window, j: int) -> SpectrumFit | None:
     """The best fit with two modes in place of one, whose shapes begin as what the lines near it have most."""
     s, lines = replace(found.spectrum, colour=np.zeros(0)), window.lines
     half = 2.0 * np.pi * s.damping_ratio[j] * s.freq_hz[j]
@@ -441,7 +451,7 @@ def _fitted_as_two(found: Fit, window: _Window, j: int) -> Fit | None:
     starts = [(most[:, 0], most[:, 1]), (most[:, 0] + most[:, 1], most[:, 0] - most[:, 1])] if len(most) > 1 else []
     starts.append((s.shapes[:, j], s.shapes[:, j]))
     free, m = np.append(found.free, len(s.freq_hz)), len(s.freq_hz)
-    best: Fit | None = None
+    best: SpectrumFit | None = None
     for (a, b), sign in product(starts, (1.0, -1.0)):
         freq, ratio = np.append(s.freq_hz, s.freq_hz[j]), np.append(s.damping_ratio, s.damping_ratio[j])
         freq[[j, m]] *= 1.0 + sign * 0.3 * s.damping_ratio[j] * np.array([-1.0, 1.0])
@@ -462,14 +472,14 @@ def _fitted_as_two(found: Fit, window: _Window, j: int) -> Fit | None:
     return best
 
 
-def _as_modes(found: OperationalModes, state: _State, rows: Integers, powers: Reals) -> Refined:
+def _as_modes(found: OperationalModes, state: _State, rows: Integers, powers: Reals) -> RefinedModes:
     """The modes with those that were refined, and divided ones beside each other."""
     modes, known = found.modes, np.isfinite(state.sd[:, 0])
     inside = np.flatnonzero(state.of < state.inside)
     # one of which only a part was refined stays as it was
     parts = [np.flatnonzero(state.of == i) for i in range(state.inside)]
     if not known[inside].any():
-        return Refined(found)
+        return RefinedModes(found)
     entries: list[tuple[int, int | None]] = []
     for i, members in enumerate(parts):
         if known[members].all() and not (len(members) == 1 and _contradicts(modes, i, state, int(members[0]))):
@@ -480,6 +490,7 @@ def _as_modes(found: OperationalModes, state: _State, rows: Integers, powers: Re
     at = [i for i, _ in entries]
     m = len(entries)
     nothing = np.full(len(modes), np.nan)
+    assert modes.damping_ratio is not None
     freq, ratio = modes.freq_hz[at], modes.damping_ratio[at]
     freq_sd = (nothing if modes.freq_sd_hz is None else modes.freq_sd_hz)[at]
     damping_sd = (nothing if modes.damping_sd is None else modes.damping_sd)[at]
@@ -508,7 +519,9 @@ def _as_modes(found: OperationalModes, state: _State, rows: Integers, powers: Re
     )  # fmt: skip
     positions = tuple(k for k, (_, j) in enumerate(entries) if j is not None)
     divided = tuple(float(modes.freq_hz[i]) for i in dict.fromkeys(at) if at.count(i) > 1)
-    return Refined(replace(found, modes=new, complex_shapes=complex_shapes, candidates=candidates), positions, divided)
+    return RefinedModes(
+        replace(found, modes=new, complex_shapes=complex_shapes, candidates=candidates), positions, divided
+    )
 
 
 def _contradicts(modes: ModeSet, i: int, state: _State, j: int) -> bool:
@@ -517,7 +530,7 @@ def _contradicts(modes: ModeSet, i: int, state: _State, j: int) -> bool:
     The variance of the difference is that of the less accurate estimate less that of the more accurate one, if the
     model of the spectra is right. A load that changes within the band of the mode moves the refined one alone.
     """
-    if modes.freq_sd_hz is None or modes.damping_sd is None:
+    if modes.damping_ratio is None or modes.freq_sd_hz is None or modes.damping_sd is None:
         return False
     before = np.array([modes.freq_hz[i], modes.damping_ratio[i]])
     after = np.array([state.model.freq_hz[j], state.model.damping_ratio[j]])

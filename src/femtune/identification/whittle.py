@@ -30,10 +30,11 @@ _STEP = 0.15
 _LEAST_GAIN = 0.03
 """Gain of the log-likelihood below which the search ends; a quarter of a standard deviation is such a gain."""
 _MOST_ROUNDS = 12
+"""Steps of scoring at most."""
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class SpectrumLines:
     """Mean products of the lines of a transform, over bins that are narrow beside the distance to the poles.
 
     Parameters
@@ -50,16 +51,16 @@ class Lines:
     first: Integers
     last: Integers
 
-    def select(self, keep: Flags) -> Lines:
+    def select(self, keep: Flags) -> SpectrumLines:
         """Some of the bins."""
-        return Lines(self.omega[keep], self.count[keep], self.power[keep], self.first[keep], self.last[keep])
+        return SpectrumLines(self.omega[keep], self.count[keep], self.power[keep], self.first[keep], self.last[keep])
 
-    def mixed(self, by: Reals) -> Lines:
+    def mixed(self, by: Reals) -> SpectrumLines:
         """Of the channels `by` (r, n) times the channels."""
         return replace(self, power=by @ self.power @ by.T)
 
 
-def in_bins(transform: Complexes, step_hz: float, usable: Flags, poles: Complexes) -> Lines:
+def in_bins(transform: Complexes, step_hz: float, usable: Flags, poles: Complexes) -> SpectrumLines:
     """Bins of the usable lines of a transform (n, k) that begins at 0 Hz, finest near the poles (m,) in rad/s."""
     where = np.flatnonzero(usable)
     hz = step_hz * where
@@ -73,11 +74,11 @@ def in_bins(transform: Complexes, step_hz: float, usable: Flags, poles: Complexe
         starts.append(i)
     first, last = where[np.array(starts[:-1])], where[np.array(starts[1:]) - 1] + 1
     power = np.stack([transform[:, a:b] @ transform[:, a:b].conj().T / (b - a) for a, b in zip(first, last)])
-    return Lines(np.pi * step_hz * (first + last - 1.0), (last - first).astype(float), power, first, last)
+    return SpectrumLines(np.pi * step_hz * (first + last - 1.0), (last - first).astype(float), power, first, last)
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class ModalSpectrum:
     """Model of the spectra of responses.
 
     Parameters
@@ -129,7 +130,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class SpectrumFit:
     """A spectrum at the minimum of its objective.
 
     Parameters
@@ -143,7 +144,7 @@ class Fit:
     converged : whether the search ended by its own
     """
 
-    spectrum: Spectrum
+    spectrum: ModalSpectrum
     objective: float
     free: Integers
     covariance: Reals
@@ -151,7 +152,7 @@ class Fit:
     converged: bool
 
 
-def objective(spectrum: Spectrum, lines: Lines) -> float:
+def objective(spectrum: ModalSpectrum, lines: SpectrumLines) -> float:
     """−log of the likelihood, without its constant; infinite where S is not positive."""
     try:
         lower = np.linalg.cholesky(spectrum.at(lines.omega))
@@ -163,7 +164,7 @@ def objective(spectrum: Spectrum, lines: Lines) -> float:
     return float(lines.count @ (logs + left))
 
 
-def derivatives(spectrum: Spectrum, omega: Reals, free: Integers) -> tuple[Complexes, Complexes]:
+def derivatives(spectrum: ModalSpectrum, omega: Reals, free: Integers) -> tuple[Complexes, Complexes]:
     """x and y (b, n, p) of ∂S = x yᴴ + y xᴴ, of every parameter but the colour.
 
     These are the logarithms of the frequencies and of the damping ratios of the free modes, the entries of their shapes
@@ -192,12 +193,12 @@ def derivatives(spectrum: Spectrum, omega: Reals, free: Integers) -> tuple[Compl
     return np.concatenate(x, axis=2), np.concatenate(y, axis=2)
 
 
-def _entries(spectrum: Spectrum, j: int) -> Integers:
+def _entries(spectrum: ModalSpectrum, j: int) -> Integers:
     """Entries of a shape that are free: all but the largest."""
     return np.asarray(np.delete(np.arange(len(spectrum.shapes)), np.argmax(np.abs(spectrum.shapes[:, j]))))
 
 
-def moved(spectrum: Spectrum, free: Integers, by: Reals) -> Spectrum:
+def moved(spectrum: ModalSpectrum, free: Integers, by: Reals) -> ModalSpectrum:
     """With other parameters, in the order of `derivatives` and then the colour."""
     n, m = spectrum.shapes.shape
     f = len(free)
@@ -229,7 +230,7 @@ def _packed(hermitian: NDArray[Any]) -> Reals:
     return np.concatenate([hermitian[:, np.arange(n), np.arange(n)].real, upper.real, upper.imag], axis=1)
 
 
-def information(spectrum: Spectrum, lines: Lines, free: Integers) -> tuple[Reals, Reals]:
+def information(spectrum: ModalSpectrum, lines: SpectrumLines, free: Integers) -> tuple[Reals, Reals]:
     """(p, p) Fisher information, and (p,) gradient of the objective."""
     back = np.linalg.inv(np.linalg.cholesky(spectrum.at(lines.omega)))
     x, y = derivatives(spectrum, lines.omega, free)
@@ -247,7 +248,7 @@ def information(spectrum: Spectrum, lines: Lines, free: Integers) -> tuple[Reals
     return np.asarray(flat.T @ flat), np.asarray(-(flat.T @ rest))
 
 
-def expected(spectrum: Spectrum, lines: Lines, rounds: int) -> Spectrum:
+def expected(spectrum: ModalSpectrum, lines: SpectrumLines, rounds: int) -> ModalSpectrum:
     """Forces and noises after rounds of the expectation-maximisation algorithm, which never lowers the likelihood."""
     total, columns = lines.count.sum(), spectrum.columns(lines.omega)
     across = columns.conj().transpose(0, 2, 1)
@@ -264,7 +265,7 @@ def expected(spectrum: Spectrum, lines: Lines, rounds: int) -> Spectrum:
     return spectrum
 
 
-def fit(spectrum: Spectrum, lines: Lines, free: Integers, rounds: int = _MOST_ROUNDS) -> Fit:
+def fit(spectrum: ModalSpectrum, lines: SpectrumLines, free: Integers, rounds: int = _MOST_ROUNDS) -> SpectrumFit:
     """The minimum that Fisher scoring with Levenberg's damping finds from a start.
 
     Raises
@@ -295,10 +296,10 @@ def fit(spectrum: Spectrum, lines: Lines, free: Integers, rounds: int = _MOST_RO
     keep = 2 * len(free) + len(free) * (len(spectrum.shapes) - 1)
     covariance, weights = _of_first(information(spectrum, lines, free)[0], keep)
     slopes = _slopes(spectrum, lines, free, weights[: 2 * len(free)])
-    return Fit(spectrum, now, free, covariance, slopes, converged)
+    return SpectrumFit(spectrum, now, free, covariance, slopes, converged)
 
 
-def score(found: Fit, lines: Lines, count: int) -> float:
+def score(found: SpectrumFit, lines: SpectrumLines, count: int) -> float:
     """Score test of a load with `count` coefficients of colour beside the white one: χ² with as many degrees."""
     spectrum = replace(found.spectrum, colour=np.zeros(count))
     matrix, gradient = information(spectrum, lines, found.free)
@@ -320,7 +321,7 @@ def _of_first(matrix: Reals, keep: int) -> tuple[Reals, Reals]:
     return own / np.outer(scale[:keep], scale[:keep]), weights / scale[:keep, None] / scale
 
 
-def _slopes(spectrum: Spectrum, lines: Lines, free: Integers, weights: Reals) -> Complexes:
+def _slopes(spectrum: ModalSpectrum, lines: SpectrumLines, free: Integers, weights: Reals) -> Complexes:
     """S⁻¹ (Σ weights ∂S) S⁻¹ of each of the first parameters."""
     x, y = derivatives(spectrum, lines.omega, free)
     signal, n, p = spectrum.at(lines.omega), np.arange(len(spectrum.noise)), x.shape[2]
@@ -338,7 +339,7 @@ _SEGMENTS = 16
 """Parts of the band over which the misfit is looked at."""
 
 
-def misfit(found: Fit, lines: Lines) -> float:
+def misfit(found: SpectrumFit, lines: SpectrumLines) -> float:
     """How far the means of L⁻¹ Y Yᴴ L⁻ᴴ over parts of the band are from one, S = L Lᴴ, beyond chance.
 
     Σ N |mean − 1|² over the parts with N lines is nearly χ² distributed; this is its distance from the degrees of
@@ -359,7 +360,7 @@ def misfit(found: Fit, lines: Lines) -> float:
     return float((total - freedom) / np.sqrt(2.0 * freedom))
 
 
-def spread(found: Fit, lines: Lines, transform: Complexes, parts: int) -> Reals:
+def spread(found: SpectrumFit, lines: SpectrumLines, transform: Complexes, parts: int) -> Reals:
     """(2 f,) standard deviations of the relative frequencies and damping ratios by parts of the record's time.
 
     Each value moves by a sum of products of the record with a filtered record, of which parts of the time have parts.
