@@ -97,7 +97,7 @@ def test_messages(tmp_path):
     asked = tmp_path / "identify.toml"
     asked.write_text('[identify]\nrecord = "a.csv"\nband_hz = [1, 20]\nremove_hz = [5.0, 15.0]\n')
     file = read_identify_file(asked)
-    _, (notice,) = subtracted(record(values), file)
+    _, (notice,), _ = subtracted(record(values), file)
     check_shown("identify.removed-lines", notice)
     with pytest.raises(FemtuneError, match="forces were measured"):
         check_no_lines(file)

@@ -99,7 +99,8 @@ def test_poles_that_the_rule_does_not_choose_can_be_picked_and_modes_be_dropped(
     choice = write_choice(folder / "other.toml", view, [rows[0], (alone, False)])
     after = ft.identify(folder / "ambient.npy", output=folder / "other", choices=choice, **AMBIENT)
     wanted = sorted(float(unpacked(view["freq_hz"])[row]) for row in (rows[0][0], alone))
-    np.testing.assert_allclose(after.modes.freq_hz, wanted, rtol=1e-6)
+    # refined by maximum likelihood from the poles
+    np.testing.assert_allclose(after.modes.freq_hz, wanted, rtol=2e-3)
 
 
 def test_a_choice_that_does_not_fit_is_refused(made, tmp_path):

@@ -81,6 +81,7 @@ def test_the_order_that_the_record_supports_is_stated(record, tmp_path):
     made = identify(described(record, tmp_path, "sampling_hz = 50.0\nband_hz = [1.0, 12.0]"))
     (said,) = [n for n in made.found.notices if n.code == "identify.order"]
     check_shown("identify.order", said)
+    check_shown("identify.likelihood", next(n for n in made.found.notices if n.code == "identify.likelihood"))
     small = identify(described(record, tmp_path, "sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 4"))
     check_shown("identify.order, larger", next(n for n in small.found.notices if n.code == "identify.order"))
 

@@ -113,11 +113,15 @@ def find_lines(record: TimeSeries, band_hz: tuple[float, float], freq_hz: Sequen
 
 def _standing_out(moving: Reals, rate: float, band_hz: tuple[float, float]) -> tuple[Reals, Reals]:
     """Lines of the band, and their power relative to the median around them: mean of the channels, largest spread."""
-    power = np.abs(np.fft.rfft(moving * np.hanning(moving.shape[1]), axis=1)) ** 2
+    freq = np.fft.rfftfreq(moving.shape[1], 1.0 / rate)
+    beside = _AROUND + max(_SPREAD)
+    first, last = np.searchsorted(freq, band_hz).tolist()
+    used = slice(max(first - beside, 0), last + beside)
+    freq = freq[used]
+    power = np.abs(np.fft.rfft(moving * np.hanning(moving.shape[1]), axis=1)[:, used]) ** 2
     middle = np.maximum(median_filter(power, size=(1, _AROUND)), np.finfo(float).tiny)
     ratio = np.minimum(power / middle, 1e12).mean(axis=0)
     level: Reals = np.max([uniform_filter1d(ratio, n) for n in _SPREAD], axis=0)
-    freq = np.fft.rfftfreq(moving.shape[1], 1.0 / rate)
     inside = (freq >= band_hz[0]) & (freq <= band_hz[1])
     return np.asarray(freq[inside], float), np.asarray(level[inside], float)
 

@@ -14,7 +14,7 @@ from femtune.files.records import ChannelColumn, read_record
 from femtune.identification.averaging import cross_spectra, no_lost_samples
 from femtune.identification.choice import CHOSEN_BY_USER, PickedPole, change_choice, has_candidate, pick_poles
 from femtune.identification.combine import Estimate, combine
-from femtune.identification.harmonics import Line, find_lines, multiples, without_lines
+from femtune.identification.harmonics import Line, Removed, find_lines, multiples, without_lines
 from femtune.identification.in_place import ON_SUSPENSION
 from femtune.identification.input_lines import judge_peaks
 from femtune.identification.kinds import OUTPUT_ONLY
@@ -32,6 +32,7 @@ from femtune.identification.operational import (
     segment_of,
 )
 from femtune.identification.record_checks import level_ratios
+from femtune.identification.refined import refined
 from femtune.identification.ssi import supported_order
 from femtune.modal.shape_criteria import mac
 from femtune.steps.identify.choices import picked_poles
@@ -113,7 +114,7 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     names = [m for m in table.methods or DEFAULT_METHODS if m in OUTPUT_ONLY]
     check_length(record, asked, file)
     levels = level_ratios(record)
-    record, removed = subtracted(record, file)
+    record, removed, gone = subtracted(record, file)
     measured, record = record, replace(record, values=record.values / levels[:, None])
     length = record.samples // table.fragments
     several: dict[tuple[str, int], OperationalModes] = {}
@@ -129,6 +130,9 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     lines = find_lines(ready, asked.band_hz, [float(f) for one in several.values() for f in one.modes.freq_hz])
     several = {key: _without_harmonics(one, lines, ready, asked, table.take_hz) for key, one in several.items()}
     curve = _curve(ready, asked)
+    by_likelihood: tuple[Notice, ...] = ()
+    if table.fragments == 1:
+        several[names[0], 0], by_likelihood = _refined(several[names[0], 0], ready, lines, gone, asked)
     try:
         identified = _means(several, record) if table.fragments > 1 else of_first_method(names, several, table.drop_hz)
     except FemtuneError as error:
@@ -139,8 +143,29 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     phases = next((n for one in several.values() if (n := _phase_notices(one, labels, 1.0 / measured.even_hz))), ())
     identified = _unscaled(_judged(identified, measured), measured, levels)
     stated = _order_notices(several, asked) if table.fragments == 1 else ()
-    notices = (*removed, *line_notices(lines), *phases, *stated, *identified.notices)
+    notices = (*removed, *line_notices(lines), *phases, *stated, *by_likelihood, *identified.notices)
     return _beside_lines(replace(identified, curve=curve, notices=notices), lines)
+
+
+def _refined(
+    found: OperationalModes, ready: TimeSeries, lines: tuple[Line, ...], gone: tuple[Removed, ...], asked: Operational
+) -> tuple[OperationalModes, tuple[Notice, ...]]:
+    """The modes of a method with poles by maximum likelihood, and for which of them that was possible."""
+    after = refined(found, ready, lines, asked, gone)
+    count = len(after.modes.modes)
+    if found.table is None or not count:
+        return found, ()
+    others = ", ".join(f"{hz:.4g}" for i, hz in enumerate(after.modes.modes.freq_hz) if i not in after.positions)
+    if others:
+        told = [
+            Notice("identify.likelihood/partly", level="info", refined=len(after.positions), count=count, others=others)
+        ]
+    else:
+        told = [Notice("identify.likelihood", level="info", count=count)]
+    if after.divided:
+        hz = ", ".join(f"{f:.4g}" for f in after.divided)
+        told.append(Notice("identify.likelihood/divided", level="info", frequencies=hz))
+    return after.modes, tuple(told)
 
 
 def _curve(ready: TimeSeries, asked: Operational) -> Curve:
@@ -168,10 +193,10 @@ def _order_notices(several: dict[tuple[str, int], OperationalModes], asked: Oper
     return (Notice("identify.order", level="info", order=order, largest=asked.largest_order),)
 
 
-def subtracted(record: TimeSeries, file: IdentifyFile) -> tuple[TimeSeries, tuple[Notice, ...]]:
+def subtracted(record: TimeSeries, file: IdentifyFile) -> tuple[TimeSeries, tuple[Notice, ...], tuple[Removed, ...]]:
     """The record without the lines that the request names, and what was subtracted."""
     if not file.identify.remove_hz:
-        return record, ()
+        return record, (), ()
     no_lost_samples(record)
     try:
         record, removed = without_lines(record, file.identify.remove_hz)
@@ -179,7 +204,7 @@ def subtracted(record: TimeSeries, file: IdentifyFile) -> tuple[TimeSeries, tupl
         error.where = file.where("identify", "remove_hz")
         raise
     said = ", ".join(f"{line.freq_hz:.5g} Hz ({line.share:.2g} of the power)" for line in removed)
-    return record, (Notice("identify.removed-lines", level="info", lines=said),)
+    return record, (Notice("identify.removed-lines", level="info", lines=said),), removed
 
 
 def _is_line(freq: float, ratio: float | None, line: Line, step_hz: float) -> bool:
