@@ -41,6 +41,7 @@ ALL_KEYS = """
 [study]
 title = "all"
 deck = "{0}"
+choices = "{27}"
 units = "m-kg-s"
 [model]
 grid = "{1}"
@@ -130,7 +131,7 @@ def _declared(model: type, place: tuple[object, ...] = ()) -> set[str]:
 
 
 def keys_of_all() -> list[FileKey]:
-    data = frozen(tomllib.loads(ALL_KEYS.format(*(f"file{i}" for i in range(27)))))
+    data = frozen(tomllib.loads(ALL_KEYS.format(*(f"file{i}" for i in range(28)))))
     return list(files_named(StudyFile, data))
 
 
@@ -152,7 +153,7 @@ def test_an_input_with_the_name_of_a_file_of_the_run_is_refused_before_the_folde
 ) -> None:
     (folder / "run" / name).parent.mkdir(parents=True)
     (folder / "run" / name).write_text("mine")
-    names = [f"file{i}" for i in range(27)]
+    names = [f"file{i}" for i in range(28)]
     names[int(key.name.removeprefix("file"))] = f"run/{name}"
     data = frozen(tomllib.loads(ALL_KEYS.format(*names)))
     file = StudyFile.model_construct(**data)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from femtune.arrays import Reals
 from femtune.sampling import Known, SamplingRules, Solving, kept_blocks
+from femtune.steps.posterior import centre
 from femtune.steps.posterior.centre import about_most_probable
 from femtune.steps.posterior.model_errors import ModelErrors, UnknownChanges, unknown_changes
 from femtune.steps.posterior.problem import likelihood_of, sampler_of, solving_of
@@ -57,7 +59,7 @@ class Sampled:
 
 
 @pytest.mark.slow
-def test_strong_changes_are_where_the_model_has_them(tmp_path: Path) -> None:
+def test_strong_changes_are_where_the_model_has_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = Sampled(tmp_path, TRUTH | {"PBAR 2 I2": 1.5, "CONM2 912 M": 1.5})
     solving, errors = found.about_wanted
     assert solving.shift is not None
@@ -76,6 +78,11 @@ def test_strong_changes_are_where_the_model_has_them(tmp_path: Path) -> None:
     for _ in range(5):
         moved = x + 0.02 * rng.standard_normal(len(x))
         assert found.missed(solving, errors, moved, q * rng.uniform(0.9, 1.1, len(q))) < 1.0
+    # a model that is too large is not solved with changes
+    monkeypatch.setattr(centre, "MOST_DOFS", 10)
+    large, about = about_most_probable(found.changes, found.solving, found.result, "stated", RULES)
+    assert large.shift is None
+    assert {c.name for c in about.classes} == {c.name for c in errors.classes}
 
 
 @pytest.mark.slow
@@ -84,3 +91,8 @@ def test_a_right_model_is_sampled_as_it_is(tmp_path: Path) -> None:
     solving, errors = found.about_wanted
     assert solving.shift is None
     np.testing.assert_array_equal(errors.B, found.about_none[1].B)
+    # without anything that could change there is nothing to be about
+    nothing = replace(found.changes, changes=())
+    solving, errors = about_most_probable(nothing, found.solving, found.result, "stated", RULES)
+    assert (solving.shift, errors.classes) == (None, ())
+    assert "no change" in errors.reason

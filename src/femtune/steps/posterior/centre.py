@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 _SMALL_MISS = 0.5
 """Length, in standard deviations of the data, of what linearised residuals miss: it changes the log likelihood of
 residuals of usual size by about as much."""
+MOST_DOFS = 50_000
+"""Free DOFs up to which the model is solved with changes: modes and their derivatives by a hundred factors."""
 _MOST_ROUNDS = 8
 """Linearisations; three do for values that are 50 % wrong."""
 _MOST_APART = 3
@@ -66,7 +68,8 @@ def about_most_probable(
 ) -> tuple[Solving, ModelErrors]:
     """The errors of the model, and the model at samples with what their most probable changes add to it.
 
-    Where the linearised residuals hold without changes, these are about none, and the model is as it is.
+    Where the linearised residuals hold without changes, these are about none, and the model is as it is; above
+    `MOST_DOFS` too.
     """
     first = here = _Centre(np.zeros(changes.n_raw), _known(changes, solving, changes.end), changes.end)
     apart = frozenset[int]()
@@ -75,6 +78,10 @@ def about_most_probable(
         moved = replace(here.start, residuals=here.start.residuals - slopes @ here.raw)
         apart = _apart(changes, solving, result, noise, rules, here.at, moved, apart)
         errors, likelihood, x, theta, _ = _most_likely(changes, solving, result, noise, rules, here.at, moved, apart)
+        if not errors.classes:
+            return solving, errors
+        if any(case.configured.n_free > MOST_DOFS for case in changes.problem.cases):
+            break
         linear = moved.residuals + np.asarray(moved.jacobian) @ (x - moved.x)
         q = likelihood.factors(linear[None], theta[None])[0]
         raw = changes.within(errors.raw @ q)

@@ -137,7 +137,7 @@ class UnknownChanges:
         sigma : (n,) sizes of the errors of the data
         """
         assert start.jacobian is not None
-        columns = self.slopes(at) @ np.array([c.direction for c in self.changes]).T
+        columns = self.slopes(at) @ _directions(self.changes, self.n_raw)
         r, J = start.residuals / sigma, start.jacobian / sigma[:, None]
         # what the parameters do not explain
         left, size, _ = la.svd(J, full_matrices=False)
@@ -220,9 +220,14 @@ def _added(tested: Sequence[TestedMass] | Sequence[TestedSupport], raw: int) -> 
             yield _Change(of, f"{one.field} {one.place}", 1.0, direction)
 
 
+def _directions(changes: Sequence[_Change], raw: int) -> Reals:
+    """(raw, m) normalised values of the usual change of each."""
+    return np.array([c.direction for c in changes]).reshape(len(changes), raw).T
+
+
 def _compressed(changes: Sequence[_Change], slopes: Reals) -> ModelErrors:
     """Within a class, orthogonal combinations have the same unknown standard deviation; those without effect go."""
-    directions = np.array([c.direction for c in changes]).reshape(len(changes), slopes.shape[1]).T
+    directions = _directions(changes, slopes.shape[1])
     columns = slopes @ directions
     classes, blocks, turns, counts = list[NuisanceClass](), list[Reals](), list[Reals](), list[int]()
     first = 0
