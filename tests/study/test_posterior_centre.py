@@ -91,6 +91,16 @@ def test_a_right_model_is_sampled_as_it_is(tmp_path: Path) -> None:
     solving, errors = found.about_wanted
     assert solving.shift is None
     np.testing.assert_array_equal(errors.B, found.about_none[1].B)
+    # changes of the model explain any seven frequencies, but not 112 entries of shapes
+    groups = likelihood_of(found.solving, found.result, "by-kind", errors).groups
+    assert {g.name: g.estimated for g in groups} == {"frequency": False, "shape": True}
+    groups = likelihood_of(found.solving, found.result, "by-kind").groups
+    assert {g.name: g.estimated for g in groups} == {"frequency": True, "shape": True}
+    # sizes at which floating point does not tell the changes apart are not likely
+    likelihood = likelihood_of(found.solving, found.result, "stated", errors)
+    far = np.zeros((1, likelihood.size))
+    far[:] = 60.0
+    assert likelihood.at(solving.of(solving.at, False).residuals[None], far)[0] == -np.inf
     # without anything that could change there is nothing to be about
     nothing = replace(found.changes, changes=())
     solving, errors = about_most_probable(nothing, found.solving, found.result, "stated", RULES)

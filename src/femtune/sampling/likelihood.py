@@ -168,7 +168,11 @@ class Likelihood:
         half_log_det = np.empty(len(theta))
         for c, one_of in enumerate(H):
             # LAPACK itself: the loop of NumPy over general matrices takes three times as long
-            L, _ = lapack.dpotrf(one_of, lower=1)
+            L, failed = lapack.dpotrf(one_of, lower=1)
+            if failed:
+                # sizes so far apart that the matrix is singular in floating point: no chain goes there
+                half_log_det[c], H[c] = np.inf, np.eye(m)
+                continue
             half_log_det[c] = np.log(L.diagonal()).sum()
             inverse = lapack.dpotri(L, lower=1)[0]
             H[c] = inverse + np.tril(inverse, -1).T

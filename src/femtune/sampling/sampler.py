@@ -76,6 +76,8 @@ _INNER = 2.5
 
 _MOST_STEPS = 500
 """Of the search for the highest density."""
+_NOWHERE = 1e30
+"""Negative log density of a point that the search must not take."""
 _FAR = 6.0
 """Place in standard normal coordinates that is as good as a bound."""
 
@@ -350,10 +352,10 @@ class Sampler:
 
         def function(z: Reals) -> tuple[float, Reals]:
             log, slope = density(z[None])
-            return -float(log[0]), -slope[0]
+            return (-float(log[0]), -slope[0]) if np.isfinite(log[0]) else (_NOWHERE, np.zeros(len(z)))
 
         # steps of the search may be long: neither sizes nor places leave where they mean something
-        ends = [np.log(c.limits) + np.array([-_SOFT, _SOFT]) for c in self.likelihood.classes]
+        ends = [np.log(c.limits) + np.array([-1.0, 1.0]) for c in self.likelihood.classes]
         bounds = [(-_FAR, _FAR)] * self.k + [_SIZES] * len(self.likelihood.estimated) + [tuple(e) for e in ends]
         begin = np.clip(begin, *np.array(bounds).T)
         end = minimize(function, begin, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": _MOST_STEPS})

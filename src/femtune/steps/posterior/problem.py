@@ -24,6 +24,7 @@ from femtune.updating.error_scales import FEWEST_DEGREES
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from femtune.arrays import Reals
     from femtune.residuals import Evaluation, UpdateProblem
     from femtune.sampling.kinds import NoiseRule
     from femtune.sampling.sampler import ModelAtSamples
@@ -73,10 +74,26 @@ def likelihood_of(
         lost[b.kind] = lost.get(b.kind, 0) + b.lost
     # standard deviations that are relative weights say nothing of the size of the errors
     rule = "common" if noise == "stated" and solving.problem.scatter == "estimated" else noise
-    groups = noise_groups(kinds, fixed, lost, rule, result.covariance.freedom, FEWEST_DEGREES)
+    freedom = result.covariance.freedom if errors is None else _left(kinds, errors, result.covariance.freedom)
+    groups = noise_groups(kinds, fixed, lost, rule, freedom, FEWEST_DEGREES)
     if errors is None:
         return Likelihood(groups, (), np.zeros((len(kinds), 0)))
     return Likelihood(groups, errors.classes, errors.B)
+
+
+def _left(kinds: np.ndarray, errors: ModelErrors, freedom: dict[str, float]) -> dict[str, float]:
+    """Degrees of freedom by kind of residual that changes of the model leave.
+
+    Where changes explain all residuals of a kind, their noise has no size of its own: it could be nothing.
+    """
+    return {
+        kind: min(free, float(np.sum(kinds == kind)) - _seen(errors.B[kinds == kind])) for kind, free in freedom.items()
+    }
+
+
+def _seen(B: Reals) -> int:
+    """Number of combinations of changes that move the residuals by a standard deviation."""
+    return int(np.sum(np.linalg.svd(B, compute_uv=False) > 1.0)) if B.size else 0
 
 
 def sampler_of(
