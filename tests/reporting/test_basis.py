@@ -48,7 +48,7 @@ def test_of_a_function_no_size_support_count_or_mass_is_claimed(tmp_path: Path) 
 @pytest.mark.slow
 def test_frfs_are_not_said_to_be_undamped(tmp_path: Path) -> None:
     deck = example_deck(tmp_path)
-    lines = {"from_hz": 10.0, "to_hz": 60.0, "step_hz": 1.0}
+    lines: dict[str, Any] = {"from_hz": 10.0, "to_hz": 60.0, "step_hz": 1.0}
     uff = tmp_path / "frfs.uff"
     ft.respond(deck, inputs=["5Y+"], outputs=["5Y+"], ratio=0.01, uff=uff, units="m-kg-s", **lines)
     zeta = ft.Parameter("zeta", fields=["MODAL ZETA"], absolute=True, nominal=0.02, lower=0.001, upper=0.1)
@@ -59,6 +59,7 @@ def test_frfs_are_not_said_to_be_undamped(tmp_path: Path) -> None:
     said = _basis(done.report)
     assert re.search(r"Damping used in the comparison of kind frf: zeta 0\.02, updated 0\.01(;|\d)", said), said
     assert "undamped" not in said
+    assert "Target modes" not in said
     assert "(the update does not change it)" in said
 
 
@@ -81,3 +82,31 @@ def test_the_mass_after_an_update_of_a_mass(tmp_path: Path) -> None:
     # the mass at the free points is known: the tip is two of 8.87 kg
     expected = 100.0 * 2.0 * (done.values["tip"] - 1.0) / before.total[1]
     assert abs(float(found[1].replace("−", "-")) - expected) < 0.02
+
+
+@pytest.mark.slow
+def test_the_damping_of_computed_responses_is_stated(tmp_path: Path) -> None:
+    model = ft.read_deck(example_deck(tmp_path), units="m-kg-s")
+    tip = ft.Parameter("tip", fields=["CONM2 9 M"], lower=0.2, upper=2.0)
+    asked: dict[str, Any] = {
+        "inputs": ["5Y+"],
+        "outputs": ["5Y+"],
+        "from_hz": 10.0,
+        "to_hz": 60.0,
+        "step_hz": 5.0,
+        "ratio": 0.03,
+    }
+    done = ft.run(
+        model,
+        example_test(tmp_path),
+        parameters=[tip],
+        residuals=[ft.FrequencyResidual(sd=0.01)],
+        response=asked,
+        output=tmp_path / "run",
+    )
+    assert done.report is not None
+    said = _basis(done.report)
+    frfs = done.results.responses[0].frfs
+    assert frfs is not None
+    assert "0.03" in frfs.damping
+    assert f"Damping used none: undamped modes are compared; for the computed responses {frfs.damping}" in said

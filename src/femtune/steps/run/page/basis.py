@@ -86,7 +86,7 @@ def _not_compared(source: ReportSource) -> str:
 
 def _targets(source: ReportSource) -> str:
     judged = source.results.judgement
-    if judged is None or judged.acceptance is None:
+    if judged is None or judged.acceptance is None or not _last(source):
         return ""
     asked = judged.acceptance
     named = f"{', '.join(asked.target_modes)}" if asked.target_modes else "none named: all test modes count"
@@ -206,9 +206,9 @@ def _damping_used(source: ReportSource) -> str:
         parts += _damping_found(source)
         parts += ["ratios that the residuals state"] if "frf" in compared else []
         return f"in the comparison of kind {listed(dict.fromkeys(compared))}: {'; '.join(parts) or 'none in the deck'}"
-    if results.responses:
-        return "; ".join(dict.fromkeys(r.damping for r in results.responses))
-    return f"none: undamped modes are compared{f' (the deck has {used})' if used else ''}"
+    undamped = f"none: undamped modes are compared{f' (the deck has {used})' if used else ''}"
+    computed = dict.fromkeys(r.frfs.damping for r in results.responses if r.frfs is not None)
+    return f"{undamped}; for the computed responses {'; '.join(computed)}" if computed else undamped
 
 
 def _damping_found(source: ReportSource) -> list[str]:
