@@ -43,8 +43,8 @@ _MOST_APART = 3
 _TRIED = 4
 """Changes that are tried apart from their class, those that the data want most by themselves."""
 _LEAST_GAIN = 2.0
-"""Of log density with the prior of a further standard deviation, which costs two: of 200 simulated tests of right models
-with 40 to 70 changes two gained as much."""
+"""Of log density with the prior of a further standard deviation, which costs two: two of 200 simulated tests of right
+models gained as much."""
 _HALVINGS = 4
 """Of a step that does not lead to a more probable model: an eighth of it is tried last."""
 
