@@ -11,8 +11,6 @@ simulation-based calibration, arXiv:1804.06788, 2018.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
 import tempfile
@@ -21,7 +19,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "judge"))
@@ -29,12 +26,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "judge"))
 import numpy as np
 from decks import FRAME, PLATE, RANGES, SUBFRAME, Structure, Values, kind_of
 from scipy.stats import binom, chisquare
+from series import Row, run_series
 from trials import NOISE, Trial, trial, write_data, write_study
 
 import femtune as ft
 from femtune.errors import FemtuneError
-
-Row = dict[str, Any]
 
 BINS = 10
 ASKED = {"noise": "stated", "draws": 300, "starts": 0, "discrepancy": "none"}
@@ -75,19 +71,20 @@ class Problem:
     starts: int = 1
 
 
-PROBLEMS = (
+_PROBLEMS = (
     Problem("chain of springs", CHAIN, starts=8),
     Problem("frame", FRAME),
     Problem("frame, few data: three modes, shapes to 30 %", replace(FRAME, modes=3), 0.3),
     Problem("plate with shapes", PLATE),
     Problem("subframe, FRFs", SUBFRAME),
 )
+PROBLEMS = {problem.name: problem for problem in _PROBLEMS}
 
 
 def drawn(problem: Problem, number: int, seed: int) -> Trial:
     """A structure from the prior."""
     structure = problem.structure
-    rng = np.random.default_rng([seed, [p.name for p in PROBLEMS].index(problem.name), number])
+    rng = np.random.default_rng([seed, list(PROBLEMS).index(problem.name), number])
     bounds = [RANGES[kind_of(field)] for field in structure.parameters]
     truth = {f: float(rng.uniform(b.lower, b.upper)) for f, b in zip(structure.parameters, bounds)}
     return replace(
@@ -95,10 +92,11 @@ def drawn(problem: Problem, number: int, seed: int) -> Trial:
     )
 
 
-def placed(problem: Problem, number: int, seed: int) -> Row:
+def placed(name: str, number: int, seed: int) -> Row:
     """The places of the true values among the samples."""
+    problem = PROBLEMS[name]
     one = drawn(problem, number, seed)
-    row: Row = {"problem": problem.name, "number": number, "seed": seed}
+    row: Row = {"problem": name, "number": number, "seed": seed}
     noise = replace(NOISE, shape=problem.shape_noise)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -124,43 +122,9 @@ def placed(problem: Problem, number: int, seed: int) -> Row:
     }  # fmt: skip
 
 
-def known(path: Path, seed: int) -> dict[tuple[str, int], Row]:
-    """Finished tests; a line that was cut is left out."""
-    found: dict[tuple[str, int], Row] = {}
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
-        try:
-            row = json.loads(line)
-        except ValueError:
-            continue
-        if row["seed"] == seed:
-            found[row["problem"], row["number"]] = row
-    return found
-
-
 def main() -> None:
     """Run what the journal does not have, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--each", type=int, default=200, help="data sets of each problem")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--shard", default="1/1", help="1/2 and 2/2 share the tests between two runs of one journal")
-    parser.add_argument("--minutes", type=float, default=float("inf"))
-    parser.add_argument("--journal", type=Path, default=Path("build/calibration.jsonl"))
-    parser.add_argument("--evidence", type=Path)
-    arguments = parser.parse_args()
-    arguments.journal.parent.mkdir(parents=True, exist_ok=True)
-    rows, begun = known(arguments.journal, arguments.seed), time.monotonic()
-    shard, shards = map(int, arguments.shard.split("/"))
-    for number in range(shard - 1, arguments.each, shards):
-        for problem in PROBLEMS:
-            if (problem.name, number) in rows or time.monotonic() - begun > 60.0 * arguments.minutes:
-                continue
-            rows[problem.name, number] = row = placed(problem, number, arguments.seed)
-            with arguments.journal.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-    text = "\n".join(page(list(known(arguments.journal, arguments.seed).values()), arguments.seed)) + "\n"
-    print(text)
-    if arguments.evidence:
-        (arguments.evidence / "benchmark_calibration.md").write_text(text, encoding="utf-8")
+    run_series(__doc__, "calibration", "problem", tuple(PROBLEMS), 200, placed, page)
 
 
 def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
@@ -179,8 +143,8 @@ def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
     )
     yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
     every: list[float] = []
-    for problem in PROBLEMS:
-        mine = [r for r in rows if r["problem"] == problem.name]
+    for name in PROBLEMS:
+        mine = [r for r in rows if r["problem"] == name]
         done = [r for r in mine if "places" in r]
         if not done:
             continue
@@ -190,7 +154,7 @@ def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
         places = np.array([x for r in done for x in r["places"].values()])
         by = np.mean([r["drawn_from"] == "surrogate" for r in done])
         yield (
-            f"| {problem.name} | {len(done)} | {len(mine) - len(done)} | {len(names)} | {min(p):.3f} | "
+            f"| {name} | {len(done)} | {len(mine) - len(done)} | {len(names)} | {min(p):.3f} | "
             f"{_inside(places, 0.5)} | {_inside(places, 0.95)} | {100.0 * by:.0f} % |"
         )
     yield ""

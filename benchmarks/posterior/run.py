@@ -8,8 +8,6 @@ it ended; --minutes ends it, --evidence writes the page.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
 import tempfile
@@ -18,7 +16,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "judge"))
@@ -26,12 +23,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "judge"))
 import numpy as np
 from decks import AEROPLANE, FRAME, PLATE, WELDED, Structure, kind_of
 from rates import Rate, rate
+from series import Row, run_series
 from trials import STATED, Fault, Trial, trial, write_data, write_study
 
 import femtune as ft
 from femtune.errors import FemtuneError
-
-Row = dict[str, Any]
 
 STRUCTURES = (FRAME, PLATE, WELDED, AEROPLANE)
 CASES = {
@@ -114,19 +110,6 @@ def measured(case: str, number: int, seed: int) -> Row:
     return row
 
 
-def known(path: Path, seed: int) -> dict[tuple[str, int], Row]:
-    """Finished tests; a line that was cut is left out."""
-    found: dict[tuple[str, int], Row] = {}
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
-        try:
-            row = json.loads(line)
-        except ValueError:
-            continue
-        if row["seed"] == seed:
-            found[row["case"], row["number"]] = row
-    return found
-
-
 def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
     """Lines of the table."""
     done = [r for r in rows if "hits" in r]
@@ -168,28 +151,7 @@ def _cell(found: Rate) -> str:
 
 def main() -> None:
     """Run what the journal does not have, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--each", type=int, default=400, help="tests of each kind of model")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--shard", default="1/1", help="1/2 and 2/2 share the tests between two runs of one journal")
-    parser.add_argument("--minutes", type=float, default=float("inf"))
-    parser.add_argument("--journal", type=Path, default=Path("build/posterior.jsonl"))
-    parser.add_argument("--evidence", type=Path)
-    arguments = parser.parse_args()
-    arguments.journal.parent.mkdir(parents=True, exist_ok=True)
-    rows, begun = known(arguments.journal, arguments.seed), time.monotonic()
-    shard, shards = map(int, arguments.shard.split("/"))
-    for number in range(shard - 1, arguments.each, shards):
-        for case in CASES:
-            if (case, number) in rows or time.monotonic() - begun > 60.0 * arguments.minutes:
-                continue
-            rows[case, number] = row = measured(case, number, arguments.seed)
-            with arguments.journal.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-    text = "\n".join(page(list(rows.values()), arguments.seed)) + "\n"
-    print(text)
-    if arguments.evidence:
-        (arguments.evidence / "benchmark_posterior.md").write_text(text, encoding="utf-8")
+    run_series(__doc__, "posterior", "case", tuple(CASES), 400, measured, page)
 
 
 if __name__ == "__main__":

@@ -71,6 +71,32 @@ def test_what_is_given_beside_an_object_replaces_what_it_has() -> None:
     assert modes.freq_sd_hz == pytest.approx([0.3, 0.3])
 
 
+@dataclass
+class Table:
+    """A table of eigenvectors whose arrays do not belong together."""
+
+    mode_cycles: Any
+    node_gridtype: Any
+    data: Any
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        Table([1.0], None, None),
+        Table([1.0], [[1, 1], [2, 1]], np.ones((1, 1, 6))),
+        Table([1.0], [[1, 1]], np.ones((1, 1, 3))),
+        Table([1.0], [[1, 1]], np.ones((1, 6))),
+    ],
+    ids=["None", "nodes", "components", "one mode"],
+)
+def test_eigenvectors_that_do_not_belong_to_their_nodes_are_refused(given: Any) -> None:
+    with pytest.raises(ft.FemtuneError) as caught:
+        ft.modal_test(given)
+    assert caught.value.code == "call.argument"
+    assert "'data'" in caught.value.what
+
+
 @pytest.mark.parametrize(
     "given", [Pyoma(Fn=None), Ema(nat_freq=[]), Pyoma(Phi=SHAPES.T)], ids=["None", "empty", "turned"]
 )

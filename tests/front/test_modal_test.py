@@ -86,6 +86,12 @@ WRONG: dict[str, tuple[tuple[Any, ...], dict[str, Any], tuple[str, ...]]] = {
     ),
     "points in a plane": (([1.0], [[1.0]]), {"dofs": ["1Z"], "points": {1: (0, 0)}}, ("points", "[1]")),
     "points as an array": (([1.0], [[1.0]]), {"dofs": ["1Z"], "points": np.ones((1, 3))}, ("points",)),
+    "a masked frequency": ((np.ma.array([1.0, 2.0], mask=[False, True]),), {}, ("'freq_hz'", "number 2", "nan")),
+    "points of a fraction": (
+        ([1.0], [[1.0]]),
+        {"dofs": ["1Z"], "points": {1.5: (0, 0, 0), 1: (1, 0, 0)}},
+        ("points",),
+    ),
     "one text for dofs": (([1.0], [[1.0]]), {"dofs": "1Z"}, ("'dofs'", "str")),
     "numbers for dofs": (([1.0], [[1.0]]), {"dofs": np.array([1])}, ("'dofs'", "entry = 1")),
 }
@@ -99,6 +105,14 @@ def test_an_argument_that_does_not_fit_is_named_with_what_it_needs(name: str) ->
     assert caught.value.code == "call.argument"
     assert [text for text in told if text not in str(caught.value)] == []
     check_shown(f"call.argument, modal_test, {name}", caught.value)
+
+
+def test_a_masked_entry_of_a_shape_was_not_measured() -> None:
+    shape = np.ma.array([[1.0], [7.0]], mask=[[False], [True]])
+    modes = ft.modal_test([1.0], shape, dofs=["1Z", "2Z"]).modes
+    assert modes is not None
+    assert np.isnan(modes.shapes[1, 0])
+    assert modes.shapes[0, 0] == 1.0
 
 
 POSITIONAL: dict[str, Any] = {

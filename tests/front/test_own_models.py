@@ -195,3 +195,11 @@ def test_a_function_has_no_structure() -> None:
     with pytest.raises(ft.FemtuneError) as caught:
         ft.own_model(Chain(), count=3, dofs=DOFS).structure  # noqa: B018  refused
     check_shown("external.own-model, no structure", caught.value)
+
+
+def test_a_function_without_parameters_is_refused() -> None:
+    for step in (ft.modes, ft.info):
+        with pytest.raises(ft.FemtuneError) as caught:
+            step(ft.own_model(Chain(), count=3, dofs=DOFS, units="m-kg-s"))
+        assert caught.value.code == "study.no-parameters"
+    check_shown("study.no-parameters, own model", caught.value)

@@ -45,6 +45,23 @@ def test_a_sweep_has_a_line_for_each_result(tmp_path: Path) -> None:
     assert caught.value.code == "run.unwritable"
 
 
+@pytest.mark.slow
+def test_parameters_named_as_other_columns_replace_none(tmp_path: Path) -> None:
+    done = ft.update(
+        ft.own_model(lambda v: [v["status"], 2.0 * v["a"], 3.0 * v["a_sd"]], count=3, units="m-kg-s"),
+        ft.modal_test([1.0, 2.2, 3.6]),
+        parameters=[
+            ft.Parameter(name, absolute=True, nominal=1.0, lower=0.5, upper=2.0) for name in ("status", "a", "a_sd")
+        ],
+        residuals=[ft.FrequencyResidual(sd=0.01)],
+        output=tmp_path / "run",
+    )
+    (row,) = ft.table([done])
+    assert row["status"] == done.status
+    assert [row[name] for name in ("status_value", "a", "a_sd_value")] == list(done.values.values())
+    assert [row[name] for name in ("status_value_sd", "a_sd", "a_sd_value_sd")] == list(done.parameters.column("sd"))
+
+
 def test_a_table_of_nothing_has_no_rows() -> None:
     assert ft.table([]) == []
     assert ft.table({}).columns == ()

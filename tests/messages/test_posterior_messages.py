@@ -73,6 +73,7 @@ def test_what_limits_samples_is_told() -> None:
         "surrogate_error": 0.2, "effective": 900.0, "draws": 1000, "failed": 0, "gradient_solutions": 60,
         "plain_solutions": 1200,
         "full_model_error": None, "left_out": (), "noise_levels": (),
+        "changes_not_settled": "",
     }  # fmt: skip
     assert not list(limits_of(PosteriorResults.model_construct(**fine)))
     limits = {
@@ -81,6 +82,9 @@ def test_what_limits_samples_is_told() -> None:
         "failed": {"failed": 40},
         "reduced-model": {"full_model_error": 0.9}, "left-out": {"left_out": ("MAC: its errors are squares",)},
         "noise-as-stated": {"noise_levels": (noise,)},
+        "changes-not-settled": {
+            "changes_not_settled": "the changes that the data want still moved after 8 linearisations"
+        },
     }  # fmt: skip
     for problem, change in limits.items():
         (told,) = limits_of(PosteriorResults.model_construct(**{**fine, **change}))

@@ -85,6 +85,11 @@ def test_a_pair_that_is_prescribed_and_forbidden(tmp_path: Path) -> None:
     check_shown("correlate.never-pair", _told(_folder(tmp_path, "", STUDY + keys)))
 
 
+def test_a_mode_of_a_pair_has_another_number(tmp_path: Path) -> None:
+    keys = 'pairs = [{ test = "3", model = 3, model_hz = 44.695 }]\n'
+    check_shown("correlate.renumbered", _told(_folder(tmp_path, "", STUDY + keys)))
+
+
 def test_too_few_sensors_are_left(tmp_path: Path) -> None:
     keys = 'sensors_off = ["2Y+", "2Z+", "3Y+", "3Z+", "4Y+", "4Z+", "5Y+"]\n'
     check_shown("sensor.off-unknown, none left", _told(_folder(tmp_path, "", STUDY + keys)))

@@ -82,6 +82,9 @@ def test_from_the_page_to_the_same_modes_pairs_and_parameters(study: Path, tmp_p
     assert digests == {f.path: f.sha256 for f in done.results.provenance.input_files}
     assert [(p["test"], p["model"]) for p in said["pair"]] == [("1", 1)]
     assert [(p["test"], p["model"]) for p in said["never_pair"]] == [("3", 3)]
+    (before,) = (c for c in done.results.correlations if c.stage == "before")
+    hz = [said["pair"][0]["model_hz"], said["never_pair"][0]["model_hz"]]
+    assert hz == pytest.approx([before.mac_model_freq_hz[0], before.mac_model_freq_hz[2]], rel=1e-11)
     assert [(m["mode"], m["reason"]) for m in said["leave_out"]] == [("4", "a doubtful mode")]
     (off,) = (one["sensor"] for one in said["sensor_off"])
 

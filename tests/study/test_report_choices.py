@@ -159,6 +159,52 @@ def test_prescribed_and_forbidden_pairs_contradict(beam: Path) -> None:
     assert caught.value.code == "correlate.never-pair"
 
 
+def _with_hz(beam: Path, table: str = "pair") -> str:
+    """A pair of test mode 2 with the frequency of its model mode."""
+    hz = ft.correlate(beam)[0].mac_model_freq_hz[1]
+    return f'[[{table}]]\ntest = "2"\nmodel = 2\nmodel_hz = {hz!r}'
+
+
+def test_a_pair_with_the_frequency_of_its_mode_is_taken(beam: Path) -> None:
+    (chosen,) = ft.correlate(beam, choices=_choices(beam.parent, _with_hz(beam)))
+    assert [p.test_label for p in chosen.pairs if p.fixed_by_hand] == ["2"]
+
+
+@pytest.mark.parametrize("table", ["pair", "never_pair"])
+def test_another_mode_of_the_same_number_refuses_the_choices(beam: Path, table: str) -> None:
+    """Files are the same, but the study has another configuration of the model: with a mass, numbers may change."""
+    choices = _choices(beam.parent, _with_hz(beam, table))
+    before = ft.correlate(beam)[0].mac_model_freq_hz[1]
+    entry = '[[configuration]]\nname = "baseline"\ntest = "beam.uff"\nmasses = [{ node = 5, mass = 1.0 }]'
+    beam.write_text(STUDY.format(test="").replace('[test]\nfile = "beam.uff"', entry), encoding="utf-8")
+    error = _refused(beam, choices)
+    assert error.code == "correlate.renumbered"
+    assert error.values["model mode 2 when the pair was chosen"] == f"{before:.7g} Hz"
+    assert error.values["model mode 2 now"] != error.values["model mode 2 when the pair was chosen"]
+
+
+def test_a_run_refuses_a_mode_that_has_another_number(beam: Path, tmp_path: Path) -> None:
+    # the first mode bends about the axis of the parameter, the second does not
+    hz = ft.correlate(beam)[0].mac_model_freq_hz[0]
+    choices = _choices(beam.parent, f'[[pair]]\ntest = "1"\nmodel = 1\nmodel_hz = {hz!r}')
+    text = beam.read_text(encoding="utf-8")
+    beam.write_text(text.replace("lower = 0.5", "lower = 0.5\nnominal = 0.8"), encoding="utf-8")
+    with pytest.raises(FemtuneError) as caught:
+        ft.run(beam, choices=choices, output=tmp_path / "run")
+    assert caught.value.code == "correlate.renumbered"
+
+
+def test_rounding_of_a_frequency_is_no_other_mode(beam: Path) -> None:
+    hz = ft.correlate(beam)[0].mac_model_freq_hz[1]
+    for factor, taken in ((1.0 + 5e-6, True), (1.0 - 5e-5, False)):
+        pair = f'[[pair]]\ntest = "2"\nmodel = 2\nmodel_hz = {hz * factor!r}'
+        choices = _choices(beam.parent, pair)
+        if taken:
+            assert ft.correlate(beam, choices=choices)[0].pairs[1].fixed_by_hand
+        else:
+            assert _refused(beam, choices).code == "correlate.renumbered"
+
+
 def test_two_sensors_must_stay(beam: Path) -> None:
     labels = [c.dof for c in ft.correlate(beam)[0].comac]
     _study(beam.parent, f"sensors_off = {labels[1:]}".replace("'", '"'))

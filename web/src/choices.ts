@@ -37,11 +37,13 @@ export function choicesFile(data: Choices, chosen: Chosen[], fields: FieldChoice
   for (const one of data.inputs) lines.push("[[input]]", `path = ${quoted(one.path)}`, `sha256 = ${quoted(one.sha256)}`, "");
   data.configurations.forEach((of, k) => {
     const head = (table: string) => lines.push(`[[${table}]]`, `configuration = ${quoted(of.configuration)}`), { fixed, never, leftOut, off } = chosen[k];
-    for (const [test, model] of fixed) { head("pair"); lines.push(`test = ${quoted(test)}`, `model = ${model}`, ""); }
+    // a number alone may be another mode in a study that has changed
+    const frequency = (model: number) => { const at = of.numbers.indexOf(model); return at < 0 ? [] : [`model_hz = ${factor(of.model_freq_hz[at])}`]; };
+    for (const [test, model] of fixed) { head("pair"); lines.push(`test = ${quoted(test)}`, `model = ${model}`, ...frequency(model), ""); }
     for (const key of never) {
       const at = key.lastIndexOf("|");
       head("never_pair");
-      lines.push(`test = ${quoted(key.slice(0, at))}`, `model = ${key.slice(at + 1)}`, "");
+      lines.push(`test = ${quoted(key.slice(0, at))}`, `model = ${key.slice(at + 1)}`, ...frequency(Number(key.slice(at + 1))), "");
     }
     for (const [mode, reason] of leftOut) if (reason.trim()) { head("leave_out"); lines.push(`mode = ${quoted(mode)}`, `reason = ${quoted(reason.trim())}`, ""); }
     for (const sensor of off) { head("sensor_off"); lines.push(`sensor = ${quoted(sensor)}`, ""); }
@@ -77,7 +79,7 @@ export class Chooser {
       this.told.textContent = "The choices are those of the study.";
     };
     this.element = h("div", { class: "chooser", role: "group", "aria-label": "Choices by hand" },
-      h("p", { class: "note" }, "Choices go into a file that femtune run, femtune correlate and femtune init take with --choices. They are refused if the deck or a test has changed since."),
+      h("p", { class: "note" }, "Choices go into a file that femtune run, femtune correlate and femtune init take with --choices. They are refused if the deck or a test has changed since, or the model mode of a pair. A pair, a mode or a sensor that the study file itself states and that is taken back here is not in the file: delete it in the study."),
       h("div", { class: "controls" }, this.configuration.label), this.modes,
       ...(data.fields.length ? [h("fieldset", {}, h("legend", {}, "Parameters: fields of the deck"), h("p", { class: "note" }, "A parameter that stands in the study itself stays one."), fields)] : []),
       h("div", { class: "tools" }, button("Save choices.toml", () => save("choices.toml", new Blob([this.text.value], { type: "application/toml" }))),

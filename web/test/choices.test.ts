@@ -37,9 +37,9 @@ test("the file has inputs, pairs, modes, sensors and parameters", () => {
   chosen.leftOut.set("1", "  ");
   assert.deepEqual(tables(choicesFile(data, [chosen], data.fields)), [
     ["[[input]]", 'path = "a.bdf"', 'sha256 = "0f"'],
-    ["[[pair]]", 'configuration = "BC"', 'test = "2"', "model = 2"],
-    ["[[never_pair]]", 'configuration = "BC"', 'test = "1"', "model = 3"],
-    ["[[never_pair]]", 'configuration = "BC"', 'test = "a|b"', "model = 1"],
+    ["[[pair]]", 'configuration = "BC"', 'test = "2"', "model = 2", "model_hz = 4.0"],
+    ["[[never_pair]]", 'configuration = "BC"', 'test = "1"', "model = 3", "model_hz = 5.0"],
+    ["[[never_pair]]", 'configuration = "BC"', 'test = "a|b"', "model = 1", "model_hz = 3.0"],
     ["[[sensor_off]]", 'configuration = "BC"', 'sensor = "2X+"'],
     ["[[parameter]]", 'name = "E"', 'field = "MAT1 1 E"', "lower = 0.8", "upper = 2.0"],
   ]);

@@ -189,6 +189,15 @@ class Likelihood:
         # r + B q is the error of the data, so that the factors are those of −r
         return np.zeros((len(theta), 0)) if found is None else -found.b
 
+    def sizes(self, theta: Reals) -> tuple[Reals, Reals]:
+        """(n,) factors on the errors of the data, and (m,) standard deviations of the nuisance factors, at θ (t,)."""
+        sigma, s = np.ones(len(self.B)), np.zeros(self.B.shape[1])
+        for j, i in enumerate(self.estimated):
+            sigma[self.groups[i].rows] = np.exp(theta[j])
+        for j, one in enumerate(self.classes, start=len(self.estimated)):
+            s[one.columns] = np.exp(theta[j])
+        return sigma, s
+
     def without_classes(self) -> Likelihood:
         """The same without errors of the model."""
         return Likelihood(self.groups, (), np.zeros((len(self.B), 0)))

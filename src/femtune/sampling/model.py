@@ -81,16 +81,16 @@ class Solving:
         return self.of(found, derivatives, anew)
 
     def of(self, evaluation: Evaluation, derivatives: bool = True, anew: bool = False) -> SolvedSample:
-        """Residuals of an evaluation."""
-        blocks = kept_blocks(evaluation)
-        prior, rows = self.side.rows(evaluation.x)
+        """Residuals of an evaluation, which may have further parameters after those of the problem."""
+        blocks, x = kept_blocks(evaluation), evaluation.x[: len(self.at.x)]
+        prior, rows = self.side.rows(x)
         known = np.broadcast_to(self.side.informative, len(prior))
         values = np.concatenate([*(b.values for b in blocks), prior[known]])
         if self.shift is not None:
-            values = values + self.shift.constant + self.shift.slope @ (evaluation.x[self.moving] - self.shift.about)
+            values = values + self.shift.constant + self.shift.slope @ (x[self.moving] - self.shift.about)
         if not derivatives:
             return SolvedSample(values, None, anew)
-        J = np.concatenate([*(b.jacobian for b in blocks), rows[known]])[:, self.moving]
+        J = np.concatenate([*(b.jacobian[:, self.moving] for b in blocks), rows[known][:, self.moving]])
         return SolvedSample(values, J if self.shift is None else J + self.shift.slope, anew)
 
     @property

@@ -76,6 +76,8 @@ _INNER = 2.5
 
 _MOST_STEPS = 500
 """Of the search for the highest density."""
+_BEGINNINGS = (0.3, 0.6, 0.9)
+"""Sizes of the changes of the model from which it begins, between their limits in the logarithm."""
 _NOWHERE = 1e30
 """Negative log density of a point that the search must not take."""
 _FAR = 6.0
@@ -333,9 +335,7 @@ class Sampler:
              for i in likelihood.estimated],
             [0.5 * np.log(np.prod(one.limits)) for one in likelihood.classes],
         ])  # fmt: skip
-        weight = np.ones(len(self.start.residuals))
-        for j, i in enumerate(likelihood.estimated):
-            weight[likelihood.groups[i].rows] = np.exp(-theta[j])
+        weight = 1.0 / likelihood.sizes(theta)[0]
         J = weight[:, None] * np.asarray(self.start.jacobian) * self.box.slope(v)
         root = la.cholesky(la.inv(J.T @ J + np.eye(self.k)), lower=True)
         points = v + self.rng.standard_normal((chains, self.k)) @ root.T
@@ -345,21 +345,28 @@ class Sampler:
         """Parameters (k,) and sizes of the errors (t,) of the highest density, with the linearised residuals; its
         logarithm."""
         assert self.start.jacobian is not None
-        first = self._first()
+        first, k = self._first(), self.k
         surrogate = linear_surrogate(self.start.x, self.start.residuals, self.start.jacobian)
         _, density = self._density(surrogate, first)
-        begin = first[np.argmax(density(first)[0])]
 
         def function(z: Reals) -> tuple[float, Reals]:
             log, slope = density(z[None])
             return (-float(log[0]), -slope[0]) if np.isfinite(log[0]) else (_NOWHERE, np.zeros(len(z)))
 
         # steps of the search may be long: neither sizes nor places leave where they mean something
-        ends = [np.log(c.limits) + np.array([-1.0, 1.0]) for c in self.likelihood.classes]
-        bounds = [(-_FAR, _FAR)] * self.k + [_SIZES] * len(self.likelihood.estimated) + [tuple(e) for e in ends]
-        begin = np.clip(begin, *np.array(bounds).T)
-        end = minimize(function, begin, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": _MOST_STEPS})
-        return self.box.inside(end.x[None, : self.k])[0], end.x[self.k :], -float(end.fun)
+        limits = np.array([np.log(c.limits) for c in self.likelihood.classes]).reshape(-1, 2)
+        ends = [tuple(e) for e in limits + np.array([-1.0, 1.0])]
+        bounds = [(-_FAR, _FAR)] * k + [_SIZES] * len(self.likelihood.estimated) + ends
+        begin = np.clip(first[np.argmax(density(first)[0])], *np.array(bounds).T)
+        found = []
+        for part in _BEGINNINGS:
+            # a class whose changes begin small stays small if another explains the data too
+            begin[len(begin) - len(limits) :] = limits @ np.array([1.0 - part, part])
+            found.append(
+                minimize(function, begin, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": _MOST_STEPS})
+            )
+        end = min(found, key=lambda one: float(one.fun))
+        return self.box.inside(end.x[None, :k])[0], end.x[k:], -float(end.fun)
 
     def _density(self, surrogate: PolynomialResiduals, start: Reals) -> tuple[ReducedSurrogate, _Density]:
         k = self.k
@@ -389,13 +396,15 @@ class Sampler:
         if not self.likelihood.classes:
             return None
         self.tell("chains with errors of the data alone")
-        alone = replace(self, likelihood=self.likelihood.without_classes(), known=[], tried=[])
-        start = drawn.chain.values[-1][:, : self.k + len(self.likelihood.estimated)]
-        surrogate = drawn.surrogate
-        if self.alone is not None and self.alone.jacobian is not None:
-            surrogate = linear_surrogate(self.alone.x, self.alone.residuals, self.alone.jacobian)
-            alone.start = self.alone
+        alone = replace(
+            self, likelihood=self.likelihood.without_classes(), known=[], tried=[], start=self.alone or self.start
+        )
+        if self.alone is None:
+            start, surrogate = drawn.chain.values[-1][:, : self.k + len(self.likelihood.estimated)], drawn.surrogate
+        else:
+            assert self.alone.jacobian is not None
             start = alone._first()
+            surrogate = linear_surrogate(self.alone.x, self.alone.residuals, self.alone.jacobian)
         return self.box.inside(alone._drawn(surrogate, start).chain.flat[:, : self.k])
 
     def _sigma(self, theta: Reals) -> Reals:

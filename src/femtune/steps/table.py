@@ -14,6 +14,9 @@ from femtune.files.whole_file import write_whole
 from femtune.steps.run.result import RunResult
 from femtune.study.rows import Rows
 
+_OF_CASE = ("case", "status", "error_before_percent", "error_after_percent")
+"""Columns beside those of the parameters."""
+
 
 @checked
 def table(results: Any, csv: Path | str | None = None) -> Rows:
@@ -27,7 +30,8 @@ def table(results: Any, csv: Path | str | None = None) -> Rows:
     Returns
     -------
     Rows with `case` (the key, or the number from 1), `status`, the weighted mean error in % before and after the
-    update, and of each parameter its value and its standard deviation (``E``, ``E_sd``); None where a result lacks it
+    update, and of each parameter its value and its standard deviation (``E``, ``E_sd``); None where a result lacks it.
+    The column of a parameter that is named as another column is followed by ``_value``: ``status_value``
 
     Raises
     ------
@@ -55,7 +59,8 @@ def table(results: Any, csv: Path | str | None = None) -> Rows:
         if not isinstance(result, RunResult):
             raise _no_result(f"results[{_plain(case)!r}]", result)
     names = list(dict.fromkeys(row["name"] for _, result in named for row in result.parameters))
-    rows = Rows.of(_line(case, result, names) for case, result in named)
+    columns = _columns(names)
+    rows = Rows.of(_line(case, result, columns) for case, result in named)
     if csv is not None:
         _write(Path(csv), rows)
     return rows
@@ -70,7 +75,19 @@ def _plain(case: Any) -> Any:
     return case if isinstance(case, int | float | str) else str(case)
 
 
-def _line(case: Any, result: RunResult, names: list[str]) -> dict[str, Any]:
+def _columns(names: list[str]) -> dict[str, str]:
+    """The column of each parameter; a name that is that of another column is followed by ``_value``."""
+    taken, columns = set(_OF_CASE), {}
+    for name in names:
+        column = name
+        while column in taken or f"{column}_sd" in taken or (column != name and column in names):
+            column += "_value"
+        columns[name] = column
+        taken |= {column, f"{column}_sd"}
+    return columns
+
+
+def _line(case: Any, result: RunResult, columns: Mapping[str, str]) -> dict[str, Any]:
     history = result.history
     line = {
         "case": _plain(case),
@@ -79,9 +96,9 @@ def _line(case: Any, result: RunResult, names: list[str]) -> dict[str, Any]:
         "error_after_percent": history[-1]["objective_percent"] if history else None,
     }
     known = {row["name"]: row for row in result.parameters}
-    for name in names:
+    for name, column in columns.items():
         row = known.get(name)
-        line[name], line[f"{name}_sd"] = (None, None) if row is None else (row["value"], row["sd"])
+        line[column], line[f"{column}_sd"] = (None, None) if row is None else (row["value"], row["sd"])
     return line
 
 

@@ -637,7 +637,14 @@ def _workers(file: StudyFile) -> int:
 
 
 def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bool = True) -> BuiltModel:
-    """The model around the initial values; with `around` = False that of the run at these alone."""
+    """The model around the initial values; with `around` = False that of the run at these alone.
+
+    Raises
+    ------
+    FemtuneError : ``study.no-parameters``, and those of `solver_runs`
+    """
+    if not file.parameter:
+        raise FemtuneError("study.no-parameters/of-solver", where=file.where("solver"))
     runs = solver_runs(file, progress, fresh=fresh)
     try:
         point = nominal_point(file)

@@ -91,6 +91,9 @@ def array_of(given: Any, name: str, meaning: str, *, complex_too: bool = False, 
         raise FemtuneError(
             "call.argument/array", values={name: found}, name=name, function=function, kind=kind, meaning=meaning
         )
+    if isinstance(given, np.ma.MaskedArray):
+        # a masked entry is not known: without its mask it would be a number
+        return np.where(np.ma.getmaskarray(given), np.nan, array)
     return array
 
 
@@ -114,7 +117,7 @@ def _of_modes(given: Any, name: str, wanted: str, count: int, low: float, high: 
 def _frame(points: Any, dofs: DofSet) -> WireFrame:
     """The points of a test from their coordinates by node number."""
     try:
-        known = {int(node): np.asarray(place, float) for node, place in dict(points).items()}
+        known = {_number(node): np.asarray(place, float) for node, place in dict(points).items()}
     except (TypeError, ValueError):
         raise FemtuneError("call.argument/points", function=_FUNCTION) from None
     missing = sorted({dof.node for dof in dofs} - set(known))
@@ -123,6 +126,13 @@ def _frame(points: Any, dofs: DofSet) -> WireFrame:
         values = {"nodes without coordinates": str(missing[:8])} if missing else {"nodes": str(bad[:8])}
         raise FemtuneError("call.argument/points", values=values, function=_FUNCTION)
     return WireFrame(np.array(list(known)), np.array(list(known.values())))
+
+
+def _number(node: Any) -> int:
+    """The number of a node (ValueError for a fraction, which would be that of another node)."""
+    if int(node) != float(node):
+        raise ValueError(node)
+    return int(node)
 
 
 def _shape(

@@ -13,12 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from femtune.errors import FemtuneError
+
 _COMPONENTS = range(1, 7)
 """Three translations and three rotations of a grid point."""
 
 
 def handed_over(given: Any) -> dict[str, Any] | None:
-    """Arguments of `femtune.modal_test` from an object; None for what is none of these objects."""
+    """Arguments of `femtune.modal_test` from an object; None for what is none of these objects (error
+    ``call.argument`` for a table of eigenvectors whose arrays do not belong together)."""
     if hasattr(given, "Fn") and hasattr(given, "Phi"):
         sd: Any = getattr(given, "Fn_std", None)
         known = sd is not None and np.size(sd) == np.size(given.Fn)
@@ -38,6 +41,12 @@ def handed_over(given: Any) -> dict[str, Any] | None:
 def _of_eigenvectors(given: Any) -> dict[str, Any]:
     """Shapes (modes, nodes, 6) of a solver; scalar points have one component, and DOFs without motion are left out."""
     data, rows = np.asarray(given.data), np.asarray(given.node_gridtype)
+    if rows.ndim != 2 or data.ndim != 3 or data.shape[1] != len(rows) or data.shape[2] != _COMPONENTS.stop - 1:
+        expected = f"(modes, {len(rows) if rows.ndim == 2 else 'nodes'}, 6)"
+        raise FemtuneError(
+            "call.argument/array-shape", name="data", function="modal_test", given=str(data.shape), expected=expected,
+            meaning="one row for each entry of node_gridtype, and six components",
+        )  # fmt: skip
     dofs, columns = [], []
     for i, (node, kind) in enumerate(rows):
         components = _COMPONENTS if int(kind) == 1 else (0,)

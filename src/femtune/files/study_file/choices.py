@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -11,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where, did_you_mean
-from femtune.files.study_file.kinds import DofLabel, FieldText, Positive, SchemaVersion, Text, TomlTable
+from femtune.files.study_file.kinds import DofLabel, FieldText, Hertz, Positive, SchemaVersion, Text, TomlTable
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.source import Data, StudyLines, line_numbers
+from femtune.files.whole_file import digest_of
 from femtune.model.kinds import BASELINE
 
 if TYPE_CHECKING:
@@ -41,6 +41,17 @@ class ChosenPair(_OfConfiguration):
     """Label of the test mode."""
     model: Annotated[int, Field(ge=1)]
     """Number of the model mode at the initial values, from 1."""
+    model_hz: Hertz | None = None
+    """Its frequency there, Hz, by which a mode that has another number by now is noticed."""
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """As `pairs` and `never_pairs` of a study have it."""
+        return self.model_dump(exclude={"configuration"}, exclude_none=True)
+
+    def is_of(self, pair: Data) -> bool:
+        """Whether a pair of a study is of the same two modes."""
+        return (pair.get("test"), pair.get("model")) == (self.test, self.model)
 
 
 class ChosenOmission(_OfConfiguration):
@@ -96,12 +107,11 @@ def parsed_choices(path: Path, data: Data, text: str) -> StudyChoices:
         raise problems(findings, source, StudyChoices)[0] from findings
 
 
-def digest_of(path: Path) -> str:
+def _digest_now(path: Path) -> str:
     """SHA-256 of a file; "" where there is none."""
     try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError:
+        return digest_of(path)
+    except (OSError, ValueError):
         return ""
 
 
@@ -130,7 +140,7 @@ def check_inputs(choices: StudyChoices, where: Where, folder: Path, named: Itera
     """
     changed = {}
     for one in choices.input:
-        now = digest_of(folder / one.path)
+        now = _digest_now(folder / one.path)
         if now != one.sha256:
             then = f"SHA-256 {one.sha256[:_SHOWN_DIGITS]}… then"
             changed[one.path] = f"{then}, {now[:_SHOWN_DIGITS]}… now" if now else f"{then}, the file is not there now"
@@ -148,7 +158,7 @@ def check_contents(choices: StudyChoices, where: Where, files: Iterable[Path]) -
     """As `check_inputs`, by the contents of files alone, wherever they are (error ``study.choices/other-input``)."""
     known = {one.sha256 for one in choices.input}
     for path in files:
-        now = digest_of(path)
+        now = _digest_now(path)
         if now not in known:
             values = {one.path: f"SHA-256 {one.sha256[:_SHOWN_DIGITS]}… then" for one in choices.input}
             values[path.name] = f"{now[:_SHOWN_DIGITS]}… now"
@@ -194,13 +204,13 @@ def _with_modes(choices: StudyChoices, entries: dict[str, dict[str, Any]]) -> No
         entry, test, model = entries[pair.configuration], pair.test, pair.model
         _keep(entry, "pairs", lambda p, test=test, model=model: p.get("test") != test and p.get("model") != model)
         _keep(entry, "leave_out", lambda one, test=test: one.get("mode") != test)
-        _keep(entry, "never_pairs", lambda p, test=test, model=model: (p.get("test"), p.get("model")) != (test, model))
-        _add(entry, "pairs", {"test": test, "model": model})
+        _keep(entry, "never_pairs", lambda p, pair=pair: not pair.is_of(p))
+        _add(entry, "pairs", pair.entry)
     for pair in choices.never_pair:
-        entry, stated = entries[pair.configuration], {"test": pair.test, "model": pair.model}
+        entry = entries[pair.configuration]
         for key in ("pairs", "never_pairs"):
-            _keep(entry, key, lambda p, stated=stated: dict(p) != stated)
-        _add(entry, "never_pairs", stated)
+            _keep(entry, key, lambda p, pair=pair: not pair.is_of(p))
+        _add(entry, "never_pairs", pair.entry)
     for omission in choices.leave_out:
         entry, mode = entries[omission.configuration], omission.mode
         _keep(entry, "pairs", lambda p, mode=mode: p.get("test") != mode)

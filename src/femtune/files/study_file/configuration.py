@@ -12,6 +12,7 @@ from femtune.files.study_file.kinds import (
     DeckName,
     DofLabel,
     ElementsOff,
+    Hertz,
     Inertia,
     NamesFile,
     NotNegative,
@@ -81,6 +82,9 @@ class PairEntry(TomlTable):
     """Label of the test mode. Example: `"1"`"""
     model: Annotated[int, Field(ge=1)]
     """Number of the model mode, from 1. Example: `1`"""
+    model_hz: Hertz | None = None
+    """Frequency of that mode at the initial values, Hz: the study is refused (`correlate.renumbered`) if the mode with
+    this number has another one, because it may be another mode. Default: not checked. Example: `9.39`"""
 
 
 class TestKeys(TomlTable):

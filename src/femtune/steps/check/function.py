@@ -21,7 +21,7 @@ def check(source: Path | str, *, progress: Progress = silent) -> CheckResult:
 
     Parameters
     ----------
-    source : a study file, or a deck
+    source : a study file, or a deck; a `Study` of objects was checked when it was made
     progress : receives progress reports
 
     Raises

@@ -41,6 +41,11 @@ if TYPE_CHECKING:
 Arrays = dict[str, NDArray]
 Solutions = Mapping[str, EigenSolution]
 Solved = Callable[[StudyCase, EigenSolution], None]
+_SAME_HZ = 1e-5
+"""Largest relative difference between a stated frequency of a model mode and that of the same mode: six digits in the
+results of external solvers."""
+_RIGID_HZ = 1e-3
+"""The same, as a part of the lowest frequency of the test, for rigid-body modes, whose frequencies are rounding."""
 
 
 def nothing(case: StudyCase, solution: EigenSolution) -> None:
@@ -118,6 +123,8 @@ def model_records(
         solution = known[case.name] if case.name in known else solved_if_any(study, case, x)
         if solution is None:
             continue
+        if version == "before":
+            _check_numbers(study, case, solution)
         solved(case, solution)
         natural_modes.append(model_modes(case.name, version, solution))
         prefix = array_prefix(version, case.name, i + 1)
@@ -141,6 +148,30 @@ def model_records(
                 )
             records.append(record.model_copy(update=more))
     return ModelRecords(tuple(natural_modes), tuple(records), tuple(shapes), raw)
+
+
+def _check_numbers(study: Study, case: StudyCase, solution: EigenSolution) -> None:
+    """Refuse pairs whose model mode has another frequency at the initial values than is stated beside its number (error
+    ``correlate.renumbered``)."""
+    if case.modal is None:
+        return
+    rigid_hz = _RIGID_HZ * float(np.min(case.modal.test.freq_hz))
+    for key in ("pairs", "never_pairs"):
+        for i, pair in enumerate(getattr(case.entry, key)):
+            if pair.model_hz is None or pair.model > len(solution.freq_hz):
+                continue
+            now = float(solution.freq_hz[pair.model - 1])
+            if abs(now - pair.model_hz) > max(_SAME_HZ * pair.model_hz, rigid_hz * (pair.model_hz <= rigid_hz)):
+                nearest = int(np.argmin(np.abs(solution.freq_hz - pair.model_hz)))
+                values = {
+                    f"model mode {pair.model} when the pair was chosen": f"{pair.model_hz:.7g} Hz",
+                    f"model mode {pair.model} now": f"{now:.7g} Hz",
+                    "nearest now": f"model mode {nearest + 1}, {solution.freq_hz[nearest]:.7g} Hz",
+                }
+                raise FemtuneError(
+                    "correlate.renumbered", where=place_of(study.file, case.entry, key, i), values=values,
+                    test=pair.test, model=pair.model,
+                )  # fmt: skip
 
 
 def as_written(study: Study, after: Evaluation) -> Evaluation:

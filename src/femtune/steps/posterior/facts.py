@@ -137,7 +137,7 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
     )  # fmt: skip
     record = PosteriorResults(
         noise=table.noise, discrepancy=table.discrepancy, no_model_errors=facts.errors.reason,
-        fields_left_out=facts.errors.left_out,
+        fields_left_out=facts.errors.left_out, changes_not_settled=facts.errors.not_settled,
         model_errors=tuple(_model_errors(facts)), wanted=tuple(_wanted(facts)),
         seed=table.seed, draws=len(s.x), effective=s.weights.effective, k_hat=s.weights.k_hat,
         drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
@@ -340,6 +340,13 @@ def limits_of(record: PosteriorResults) -> Iterator[Alert]:
         yield alert("warning", "posterior.failed", failed=record.failed)
     if record.full_model_error is not None and record.full_model_error > _LARGE_FULL_ERROR:
         yield alert("warning", "posterior.reduced-model", sd=record.full_model_error)
+    yield from _not_in_likelihood(record)
+
+
+def _not_in_likelihood(record: PosteriorResults) -> Iterator[Alert]:
+    """What the likelihood has otherwise than asked for."""
+    if record.changes_not_settled:
+        yield alert("warning", "posterior.changes-not-settled", reason=record.changes_not_settled)
     if record.left_out:
         yield alert("warning", "posterior.left-out", kinds="; ".join(record.left_out))
     stated = [n.residuals for n in record.noise_levels if n.interval_95 is None]

@@ -61,6 +61,7 @@ class ModelErrors:
     names, counts : what the changes are of, and the number of changes of each class
     reason : why there are none; "" otherwise
     left_out : number of fields that do not change because there are too many
+    not_settled : why the changes are not about the most probable ones; "" where they are
     """
 
     classes: tuple[NuisanceClass, ...]
@@ -72,6 +73,7 @@ class ModelErrors:
     counts: tuple[int, ...] = ()
     reason: str = ""
     left_out: int = 0
+    not_settled: str = ""
 
 
 def none_of(rows: int, reason: str = "") -> ModelErrors:

@@ -136,6 +136,8 @@ class PosteriorResults(Record):
     """Why no errors of the model are taken although they were asked for."""
     fields_left_out: int = 0
     """Fields of the deck that are not among the unknown changes, since there are too many."""
+    changes_not_settled: str = ""
+    """Why the unknown changes are not linearised about the most probable ones, where the data want large ones."""
     model_errors: tuple[ModelErrorClass, ...] = ()
     """Sizes of the errors of the model, by class."""
     wanted: tuple[WantedChange, ...] = ()

@@ -26,6 +26,10 @@ MOST_MODES = 24
 _MOST_FEATURES = 4
 """Configurations, channels or modes that a line names before it counts the others."""
 _TRANSLATIONS = 3
+_ROUNDING_PERCENT = 1e-3
+"""Change of the mass by an update that is rounding, of written fields too, in %."""
+_DAMPED = ("frf", "complex-eigenvalue", "damping")
+"""Kinds of residuals that the damping of the model enters."""
 _SMALL_MASS_PERCENT = 2.0
 """Largest effective mass of a model mode that is left out where there is no room for all, in %."""
 
@@ -82,20 +86,31 @@ def _not_compared(source: ReportSource) -> str:
 
 def _targets(source: ReportSource) -> str:
     judged = source.results.judgement
-    if judged is None or judged.acceptance is None:
+    if judged is None or judged.acceptance is None or not _last(source):
         return ""
     asked = judged.acceptance
     named = f"{', '.join(asked.target_modes)}" if asked.target_modes else "none named: all test modes count"
     paired = [all(any(p.test_label == t for p in c.pairs) for t in asked.target_modes) for c in _last(source)]
     done = f"; all compared in {sum(paired)} of {counted(len(paired), 'configuration')}" if asked.target_modes else ""
     mass = f"a model mode with more than {short(asked.target_mass_percent)} % of the mass must have a partner"
+    if _of_runs(source):
+        mass = "the masses of the model modes are not known"
     return f"{named}{done}; {mass}"
+
+
+def _of_runs(source: ReportSource) -> bool:
+    """Whether another program, or a function of the user, computed the modes: what femtune holds is made of them, and
+    its size, supports and eigenvalue counts are not those of the structure."""
+    model = source.results.model
+    return model is not None and bool(model.configurations) and all(c.mass is None for c in model.configurations)
 
 
 def _model(source: ReportSource) -> str:
     model, study = source.results.model, source.results.study
     if model is None:
         return study.deck_file
+    if _of_runs(source):
+        return f"{study.deck_file}, units {study.units or 'not declared'}: modes computed outside femtune"
     sizes = dict.fromkeys(f"{c.grids} grid points, {c.free_dofs} free DOFs" for c in model.configurations)
     return f"{study.deck_file}, units {study.units or 'not declared'}: {_some(sizes)}"
 
@@ -106,12 +121,15 @@ def _tests(source: ReportSource) -> str:
 
 def _configurations(source: ReportSource) -> str:
     model = source.results.model
-    by = [(c.configuration, "; ".join(c.overlay) or "as in the deck") for c in (model.configurations if model else ())]
+    unchanged = "as in the deck" if source.results.study.has_deck else "as the model is given"
+    by = [(c.configuration, "; ".join(c.overlay) or unchanged) for c in (model.configurations if model else ())]
     return _by_configuration(by)
 
 
 def _supports(source: ReportSource) -> str:
     model = source.results.model
+    if _of_runs(source):
+        return "those of the model outside femtune, which are not known here"
     by = [(c.configuration, ", ".join(filter(None, support_words(c)))) for c in (model.configurations if model else ())]
     return _by_configuration(by)
 
@@ -138,7 +156,29 @@ def _mass(source: ReportSource) -> str:
         by.append((c.configuration, mass))
     said = _by_configuration(by)
     weighed = any(c.weighed_mass is not None for c in (model.configurations if model else ()))
-    return said and f"{said}{' (initial values)' if source.results.update else ''}{'' if weighed else '; not weighed'}"
+    known = any(c.mass is not None for c in (model.configurations if model else ()))
+    initial = f" at the initial values{_mass_change(source)}" if source.results.update and known else ""
+    return said and f"{said}{initial}{'' if weighed else '; not weighed'}"
+
+
+def _mass_change(source: ReportSource) -> str:
+    """What the update does to the mass that moves, as the largest change of effective mass in X, Y and Z."""
+    before = {m.configuration: m.effective_masses for m in source.results.modes if m.stage == "before"}
+    by = []
+    for m in _modes(source):
+        first = before.get(m.configuration)
+        if m.stage == "before" or first is None or m.effective_masses is None:
+            continue
+        pairs = zip(first.total[:_TRANSLATIONS], m.effective_masses.total[:_TRANSLATIONS])
+        changes = [100.0 * (new / old - 1.0) for old, new in pairs if old > 0.0]
+        if changes:
+            most = max(changes, key=abs)
+            changed = (
+                f"changes it by {signed_percent(most)} %" if abs(most) > _ROUNDING_PERCENT else "does not change it"
+            )
+            by.append((m.configuration, f"the update {changed}"))
+    said = _by_configuration(by) if by else ""
+    return said and f" ({said})"
 
 
 def _damping_measured(source: ReportSource) -> str:
@@ -161,9 +201,25 @@ def _damping_used(source: ReportSource) -> str:
     parts += [d.modal_damping] if d.modal_damping else []
     parts += [f"{f.kind} {f.field} {short(f.lowest)} to {short(f.highest)}" for f in d.fields]
     used = "; ".join(parts)
-    if results.responses:
-        return used or "none in the deck"
-    return f"none: undamped modes are compared{f' (the deck has {used})' if used else ''}"
+    compared = [c.kind for c in results.update.residual_counts if c.kind in _DAMPED] if results.update else []
+    if compared:
+        parts += _damping_found(source)
+        parts += ["ratios that the residuals state"] if "frf" in compared else []
+        return f"in the comparison of kind {listed(dict.fromkeys(compared))}: {'; '.join(parts) or 'none in the deck'}"
+    undamped = f"none: undamped modes are compared{f' (the deck has {used})' if used else ''}"
+    computed = dict.fromkeys(r.frfs.damping for r in results.responses if r.frfs is not None)
+    return f"{undamped}; for the computed responses {'; '.join(computed)}" if computed else undamped
+
+
+def _damping_found(source: ReportSource) -> list[str]:
+    """Parameters that are damping ratios of modes, with their updated values."""
+    update = source.results.update
+    found = {p.name: p.value for p in update.parameters} if update else {}
+    return [
+        f"{p.name} {short(p.nominal)}, updated {short(found[p.name])}"
+        for p in source.results.parameters
+        if p.name in found and any(field.startswith("MODAL ") for field in p.fields)
+    ]
 
 
 def _sensors(source: ReportSource) -> str:
@@ -219,17 +275,23 @@ def _held_out(source: ReportSource) -> str:
 def _found(source: ReportSource) -> str:
     """Whether a mode may have been missed: the Sturm count of the last version of the model."""
     modes = _modes(source)
+    if _of_runs(source):
+        return "not possible: the modes were computed outside femtune"
     counted_ = [m for m in modes if m.sturm_count is not None]
     if not counted_:
         return "not checked" if modes else ""
+    open_ = [m.configuration for m in modes if m.sturm_count is None]
+    unchecked = f"; not checked in {listed(open_)}" if open_ else ""
     short_ = [m.configuration for m in counted_ if m.sturm_count != m.modes_below_shift]
     upto = f"up to {freq(min(m.sturm_shift_hz or 0.0 for m in counted_))} Hz"
-    return f"differs in {listed(short_)}: modes may be missing" if short_ else f"no mode was missed {upto}"
+    said = f"differs in {listed(short_)}: modes may be missing" if short_ else f"no mode was missed {upto}"
+    return said + unchecked
 
 
 def _software(source: ReportSource) -> str:
     origin = source.results.provenance
-    solver = f"; {origin.eigen_solver}" if origin.eigen_solver else ""
+    inside = bool(origin.eigen_solver) and not _of_runs(source)
+    solver = f"; {origin.eigen_solver}" if inside else ""
     return f"femtune {origin.femtune_version}, {origin.started_at}{solver}"
 
 
@@ -291,8 +353,8 @@ def _modes(source: ReportSource) -> list[ModelModes]:
 def effective_masses(source: ReportSource) -> list[Block]:
     """All elastic modes of the model with their partners and effective masses in three directions."""
     partners = {(c.configuration, p.model_number): p.test_label for c in _last(source) for p in c.pairs}
-    solved = [m for m in _modes(source) if m.effective_masses is not None]
-    if not solved:
+    solved = [m for m in _modes(source) if m.effective_masses is not None and any(m.effective_masses.total)]
+    if not solved or _of_runs(source):
         return []
     several, compared = len(solved) > 1, bool(_last(source))
     rows: list[tuple[float, bool, tuple[Cell, ...]]] = []
@@ -321,7 +383,7 @@ def effective_masses(source: ReportSource) -> list[Block]:
     )
     left = [share for share, _, cells in rows if not any(cells is k[2] for k in kept)]
     note = f"{counted(len(left), 'further mode')} with at most {max(left):.1f} %. " if left else ""
-    if max(share for share, _, _ in rows) < _SMALL_MASS_PERCENT:
+    if all(m.rigid_body_modes for m in solved) and max(share for share, _, _ in rows) < _SMALL_MASS_PERCENT:
         note += "The rigid-body motions carry the mass of a free structure."
     return [Table("Effective masses of the model modes", heads, tuple(r[2] for r in kept), note.strip())]
 
