@@ -68,6 +68,18 @@ def test_what_is_found_is_matched_one_to_one(modules: dict[str, ModuleType]) -> 
     assert f"{200.0 / (one.inside + 2):.1f} % (2 of {one.inside + 2})" in text
 
 
+def test_a_mode_that_the_data_do_not_hold_does_not_take_its_neighbour(modules: dict[str, ModuleType]) -> None:
+    one = modules["simulated"].structure(19)
+    bound = (np.full(one.inside, 0.1), np.full(one.inside, 1e-3))
+    bound[0][2], bound[1][2] = 45.0, 1.9
+    # half of its half bandwidth away from mode 5; beside a bound of 45 Hz, mode 3 is hardly further away
+    near = {"freq_hz": one.freq_hz[4] * (1.0 + 0.5 * one.damping_ratio[4]), "damping_ratio": one.damping_ratio[4]}
+    assert modules["score"].matches(one, bound, [near]) == {4: 0}
+    # as many as can be are matched: a second one that is nearer to mode 5 leaves this one to mode 3
+    exact = {"freq_hz": one.freq_hz[4], "damping_ratio": one.damping_ratio[4]}
+    assert modules["score"].matches(one, bound, [near, exact]) == {4: 1, 2: 0}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hammer, 5 hits", "burst"])
 def test_a_fit_does_not_follow_a_pole_that_decays_within_a_sample(

@@ -24,6 +24,25 @@ RATE, BAND = 40.0, (0.8, 15.0)
 FREQ, RATIO = np.array([1.7, 3.9, 9.0]), np.array([0.012, 0.01, 0.008])
 
 
+QUANTITIES = ("acceleration", "velocity", "displacement")
+
+
+def mixed_record(noise: float) -> TimeSeries:
+    """Three channels of each of three quantities, whose ends are cut as those of a record are."""
+    rng = np.random.default_rng(4)
+    count, lead = round(360.0 * RATE), round(60.0 * RATE)
+    w = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / RATE)
+    own = 2.0 * np.pi * FREQ[:, None]
+    h = 1.0 / (own**2 - w**2 + 2j * RATIO[:, None] * own * w)
+    shapes = rng.uniform(0.3, 1.0, (9, 3)) * rng.choice((-1.0, 1.0), (9, 3))
+    force = rng.standard_normal((3, 5)) @ np.fft.rfft(rng.standard_normal((5, count)))
+    derived = (1j * w) ** np.repeat([2, 1, 0], 3)[:, None]
+    motion = np.fft.irfft(derived * (shapes @ (h * force)), count)[:, lead:]
+    motion += noise * motion.std(axis=1, keepdims=True) * rng.standard_normal(motion.shape)
+    channels = [Channel(Dof(i + 1, "Z"), QUANTITIES[i // 3]) for i in range(9)]
+    return TimeSeries(motion, channels, sampling_hz=RATE)
+
+
 def record(freq: np.ndarray, ratio: np.ndarray, seed: int, phase: float = 0.0, seconds: float = 300.0) -> TimeSeries:
     """Accelerations at four channels under white forces."""
     rng = np.random.default_rng([9, seed])
@@ -92,6 +111,19 @@ def test_modes_whose_spectra_are_not_the_model_stay_as_they_were() -> None:
     assert new.modes.modes.damping_sd[left] == pytest.approx(old.modes.modes.damping_sd[left], rel=0.0, abs=0.0)
 
 
+@pytest.mark.slow
+def test_channels_of_different_quantities_with_little_noise_are_refined() -> None:
+    """More channels than are used without mixtures, as many mixtures as channels, and noise below cut ends."""
+    old, new = both(mixed_record(1e-3))
+    modes = new.modes.modes
+    at = [int(np.argmin(np.abs(modes.freq_hz - f))) for f in FREQ]
+    assert set(at) <= set(new.positions)
+    assert not new.divided
+    assert np.all(np.abs(modes.freq_hz[at] - FREQ) < 3.0 * modes.freq_sd_hz[at])
+    assert np.all(np.abs(modes.damping_ratio[at] - RATIO) < 3.0 * modes.damping_sd[at])
+    assert not np.array_equal(modes.freq_hz, old.modes.modes.freq_hz)
+
+
 def test_methods_without_poles_and_short_records_are_left() -> None:
     measured = record(FREQ, RATIO, 0, seconds=40.0)
     asked = Operational(BAND, 20)
@@ -104,4 +136,5 @@ def test_what_was_refined_is_told() -> None:
         "identify.likelihood, partly",
         Notice("identify.likelihood/partly", level="info", refined=2, count=3, others="4.16"),
     )
+    check_shown("identify.likelihood, none", Notice("identify.likelihood/none", level="info", refined=0, count=3))
     check_shown("identify.likelihood, divided", Notice("identify.likelihood/divided", level="info", frequencies="3.91"))

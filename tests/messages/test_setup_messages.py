@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +10,20 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.dofs import Dof, DofSet
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.files.identification_file import IdentifyFile, read_identify_file
 from femtune.files.points_table import read_points
 from femtune.identification.setups import PartlyFound, merge_setups
 from femtune.modal import Channel, ModeSet, TimeSeries
 from femtune.steps.identify import setups
 from femtune.steps.identify.choices import read_choices
+from femtune.steps.identify.identified import Curve, Found
 from femtune.steps.identify.rigid_bodies import with_rigid_bodies
 
+NOTHING = np.zeros(0)
+EMPTY = Found(
+    ModeSet(NOTHING, np.zeros((1, 0)), DofSet([Dof(1, "Z")])), NOTHING, None, (), {}, Curve(NOTHING, NOTHING, "")
+)
 FLOOR = '[[rigid_body]]\nnode = 1\nsensors = ["11X+", "12X+", "12Y+", "13Y+"]\n'
 
 
@@ -79,3 +85,18 @@ def test_a_choice_of_poles_for_a_file_that_has_changed(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         read_choices(tmp_path / "choices.toml", [tmp_path / "a.csv"])
     check_shown("identify.choices", caught.value.at(None))
+
+
+def test_what_was_refined_in_set_ups_is_one_sentence() -> None:
+    told = Notice("identify.likelihood", level="info", refined=3, count=3)
+    partly = Notice("identify.likelihood/partly", level="info", refined=2, count=4, others="4.16, 9.3")
+    two = Notice("identify.likelihood/divided", level="info", frequencies="3.91")
+    each = [replace(EMPTY, notices=notices) for notices in ((told,), (partly, two), (), (told,))]
+    (notice,) = setups.likelihood_notice(["a", "b", "c", "d"], each)
+    check_shown("identify.likelihood, setups", notice)
+    (whole,) = setups.likelihood_notice(["a", "d"], [each[0], each[3]])
+    assert "6 of 6 modes" in whole.what
+    assert "(" not in whole.what
+    assert setups.likelihood_notice(["c"], [each[2]]) == ()
+    many = setups.likelihood_notice([str(i) for i in range(9)], [each[1]] * 9)[0]
+    assert many.what.endswith("set-up 4: 2 of 4, two modes near 3.91 Hz; and 4 more set-ups)")

@@ -91,6 +91,25 @@ def test_the_choice_of_the_page_gives_the_same_modes(made, kind):
     assert picked(of_page(folder / "again")) == picked(view)
 
 
+def test_a_pole_that_became_two_modes_is_picked_once_and_becomes_two_again(tmp_path):
+    rng, freq, count = np.random.default_rng(5), np.array([2.1, 5.3, 5.315]), 14000
+    shapes, out = rng.uniform(0.3, 1.0, (3, 3)) * rng.choice((-1.0, 1.0), (3, 3)), np.zeros((3, count))
+    force = rng.standard_normal((3, 5)) @ rng.standard_normal((5, count))
+    for f, shape, one in zip(freq, shapes.T, force):
+        pole = np.exp(2.0 * np.pi * f * (-0.01 + 1j) / RATE)
+        out += np.outer(shape, lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], one))
+    out += 0.02 * out.std(axis=1, keepdims=True) * rng.standard_normal(out.shape)
+    np.save(tmp_path / "pair.npy", out[:, 2000:].T)
+    before = ft.identify(tmp_path / "pair.npy", output=tmp_path / "a", **AMBIENT)
+    view = of_page(before.folder)
+    rows = picked(view)
+    assert len(set(rows)) == len(rows) == len(before.modes) - 1
+    choice = write_choice(tmp_path / "pair.toml", view, rows)
+    after = ft.identify(tmp_path / "pair.npy", output=tmp_path / "b", choices=choice, **AMBIENT)
+    np.testing.assert_array_equal(after.modes.freq_hz, before.modes.freq_hz)
+    np.testing.assert_array_equal(after.modes.shapes, before.modes.shapes)
+
+
 def test_poles_that_the_rule_does_not_choose_can_be_picked_and_modes_be_dropped(made):
     folder, ambient, _ = made
     view = of_page(ambient.folder)

@@ -97,6 +97,10 @@ def test_roving_sensors_of_velocity_and_acceleration_become_whole_shapes(tmp_pat
     assert [m["estimates"] for m in data["modes"]] == [5] * 6
     assert [m["freq_sd_hz"] > 0 for m in data["modes"]] == [True] * 6
     assert "Identified mode shapes" in made.report.read_text(encoding="utf-8")
+    (told,) = [n for n in made.found.notices if n.code == "identify.likelihood"]
+    assert told.facts["count"] >= 30
+    assert 0 < told.facts["refined"] <= told.facts["count"]
+    assert "of the set-ups" in told.what
 
 
 @pytest.mark.long

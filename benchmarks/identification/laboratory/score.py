@@ -13,6 +13,8 @@ Reals = NDArray[np.float64]
 HELD = 0.25
 """Least standard deviation of a damping ratio relative to it, below which the data hold a mode: 4 σ above zero."""
 NORMAL_95 = 1.96
+_NONE = 1e6
+"""Cost of a mode that is not near, above that of all that are: as many as can be are matched."""
 
 
 def score(one: Structure, bound: tuple[Reals, Reals], found: list[dict[str, Any]]) -> dict[str, Any]:
@@ -42,7 +44,8 @@ def matches(one: Structure, bound: tuple[Reals, Reals], found: list[dict[str, An
     """Of true modes the positions of those found, one to one and nearest first as a whole.
 
     Frequencies differ by half the bandwidth or 0.3 %, damping ratios by their size or 0.5 % of critical damping, and
-    both by four times the bound where this is more.
+    both by four times the bound where this is more. How near a mode is does not depend on its bound: a mode that the
+    data do not hold would else take one that was found at its neighbour.
     """
     if not found:
         return {}
@@ -50,10 +53,10 @@ def matches(one: Structure, bound: tuple[Reals, Reals], found: list[dict[str, An
     least = [4.0 * np.nan_to_num(b)[:, None] for b in bound]
     freq = np.array([mode["freq_hz"] for mode in found])
     damping = np.array([np.nan if mode["damping_ratio"] is None else mode["damping_ratio"] for mode in found])
-    away = np.abs(freq - own) / np.maximum.reduce([ratio * own, 0.003 * own, least[0]])
-    other = np.abs(damping - ratio) / np.maximum.reduce([ratio, np.full_like(ratio, 0.005), least[1]])
-    near = (away <= 1.0) & (other <= 1.0)
-    cost = np.where(near, np.minimum(away, 1.0) + 0.1 * np.minimum(np.nan_to_num(other, nan=1.0), 1.0), 1e3)
+    width, size = np.maximum(ratio, 0.003) * own, np.maximum(ratio, 0.005)
+    away, other = np.abs(freq - own), np.abs(damping - ratio)
+    near = (away <= np.maximum(width, least[0])) & (other <= np.maximum(size, least[1]))
+    cost = np.where(near, away / width + 0.1 * np.nan_to_num(other / size, nan=1.0), _NONE)
     rows, columns = linear_sum_assignment(cost)
     return {int(j): int(i) for j, i in zip(rows, columns) if near[j, i]}
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
+from scipy.signal.windows import tukey
 from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Flags, Integers, Reals
@@ -41,6 +42,9 @@ TOGETHER = 3.0
 """Distance of modes of one group over the sum of their half bandwidths at most."""
 MOST_DIVIDED = 3
 """Modes that are divided at most."""
+TAPERED = 0.02
+"""Part of the record in which it begins and ends smoothly. Ends that are cut have motions that channels of different
+quantities have in different ratios, in all lines; where noise is 50 dB below the record, they are above it."""
 LEAST_LINES = 40
 """Lines around a group at least."""
 MOST_TOGETHER = 4
@@ -200,7 +204,8 @@ def _data(
         usable &= np.abs(hz - line.freq_hz) > away
     if np.count_nonzero(usable) < 50:
         return None
-    transform = np.fft.rfft(values[rows]) / np.sqrt(samples * rate)
+    window = tukey(samples, TAPERED)
+    transform = np.fft.rfft(values[rows] * window) / np.sqrt(rate * np.sum(window**2))
     return _Data(transform, in_bins(transform, step_hz, usable, poles), samples / rate)
 
 
@@ -235,6 +240,7 @@ def _swept(state: _State, data: _Data) -> _State:
 def _swept_once(state: _State, data: _Data, may_divide: bool) -> _State:
     """Until no more groups are refined, or a mode is divided; others first, since their tails are in all groups."""
     count, refined_before = len(state.of), -1
+    tried: dict[tuple[int, ...], tuple[ModalSpectrum, _Tried | None]] = {}
     for last in (False, True):
         while np.isfinite(state.sd[:, 0]).sum() > refined_before:
             refined_before = int(np.isfinite(state.sd[:, 0]).sum())
@@ -242,8 +248,13 @@ def _swept_once(state: _State, data: _Data, may_divide: bool) -> _State:
             groups = _groups(state.model, np.flatnonzero(state.of < state.inside))
             strong = np.diag(state.model.forces) * np.sum(state.model.shapes**2 / state.model.noise[:, None], axis=0)
             for group in sorted(groups, key=lambda g: -float(strong[g].max())):
-                if np.isnan(state.sd[group, 0]).any():
-                    state = _with_group(state, data, group, may_divide and last)
+                if np.isfinite(state.sd[group, 0]).all():
+                    continue
+                # a group that was tried beside the same modes would end in the same place
+                key = tuple(group.tolist())
+                if key not in tried or tried[key][0] is not state.model:
+                    tried[key] = state.model, _tried(state.model, data, group)
+                state = _with_group(state, data, group, tried[key][1], may_divide and last)
                 if len(state.of) > count:
                     return state
         refined_before = -1 if may_divide else refined_before
@@ -268,16 +279,17 @@ class _Window:
 
     Parameters
     ----------
-    model : those of the modes that are seen there, `modes` of all
+    model : those of the modes that are seen there
     free : of them the group
     mix : (r, n) of the channels
+    back : (n, r) shapes of the channels from those of the mixtures
     """
 
     model: ModalSpectrum
     lines: SpectrumLines
-    modes: Integers
     free: Integers
     mix: Reals
+    back: Reals
 
 
 def _window(model: ModalSpectrum, data: _Data, group: Integers, reach: float) -> _Window | None:
@@ -296,12 +308,12 @@ def _window(model: ModalSpectrum, data: _Data, group: Integers, reach: float) ->
         model, freq_hz=model.freq_hz[modes], damping_ratio=model.damping_ratio[modes], shapes=shapes, unit=middle,
         forces=model.forces[np.ix_(modes, modes)], size=model.size[modes],
     )  # fmt: skip
-    mix = np.eye(len(model.noise))
+    mix = back = np.eye(len(model.noise))
     if len(mix) > MOST_CHANNELS:
         mix, powers = _mixtures(part, np.sqrt(power[:, :, modes].max(axis=0)))
         part = replace(part, shapes=mix @ part.shapes, noise=np.ones(len(mix)), derivatives=powers)
-        lines = lines.mixed(mix)
-    return _Window(expected(part, lines, 6), lines, modes, np.searchsorted(modes, group), mix)
+        lines, back = lines.mixed(mix), model.noise[:, None] * mix.T
+    return _Window(expected(part, lines, 6), lines, np.searchsorted(modes, group), mix, back)
 
 
 def _mixtures(model: ModalSpectrum, largest: Reals) -> tuple[Reals, Reals]:
@@ -330,20 +342,37 @@ def _fitted(window: _Window, free: Integers) -> SpectrumFit | None:
         return None
 
 
-def _with_group(state: _State, data: _Data, group: Integers, may_divide: bool) -> _State:
-    worst: tuple[SpectrumFit, _Window] | None = None
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """The fit of a group beside the modes of a model; `is_noise` where the lines are noise about it."""
+
+    found: SpectrumFit
+    window: _Window
+    is_noise: bool
+
+
+def _tried(model: ModalSpectrum, data: _Data, group: Integers) -> _Tried | None:
+    """That of the most lines that are noise about it, or else of the second most lines."""
+    worst: _Tried | None = None
     for reach in REACHES:
-        window = _window(state.model, data, group, reach)
+        window = _window(model, data, group, reach)
         found = None if window is None else _fitted(window, window.free)
         if window is None or found is None:
             continue
-        if misfit(found, window.lines) <= LARGEST_MISFIT:
-            return _accepted(state, data, group, found, window)
+        one = _Tried(found, window, misfit(found, window.lines) <= LARGEST_MISFIT)
+        if one.is_noise:
+            return one
         if worst is None or reach == REACHES[1]:
-            worst = found, window
-    if worst is None or not may_divide:
+            worst = one
+    return worst
+
+
+def _with_group(state: _State, data: _Data, group: Integers, tried: _Tried | None, may_divide: bool) -> _State:
+    if tried is not None and tried.is_noise:
+        return _accepted(state, data, group, tried.found, tried.window)
+    if tried is None or not may_divide:
         return state
-    return _divided(state, group, *worst)
+    return _divided(state, group, tried.found, tried.window)
 
 
 def _accepted(state: _State, data: _Data, group: Integers, found: SpectrumFit, window: _Window) -> _State:
@@ -380,10 +409,9 @@ def _shape(found: SpectrumFit, k: int, window: _Window, model: ModalSpectrum) ->
     entries = np.delete(np.arange(n), np.argmax(np.abs(s.shapes[:, j])))
     at = 2 * f + k * (n - 1) + np.arange(n - 1)
     covariance[np.ix_(entries, entries)] = found.covariance[np.ix_(at, at)]
-    back = np.eye(n) if n == len(model.noise) else model.noise[:, None] * window.mix.T
     turn = (model.unit / window.model.unit) ** model.derivatives
-    shape = turn * (back @ s.shapes[:, j])
-    sd = turn * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", back, covariance, back), 0.0))
+    shape = turn * (window.back @ s.shapes[:, j])
+    sd = turn * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", window.back, covariance, window.back), 0.0))
     return shape, sd
 
 

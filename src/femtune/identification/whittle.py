@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from femtune.arrays import Complexes, Flags, Integers, Reals
 
 _STEP = 0.15
-"""Width of a bin over its distance from the nearest pole; the spectrum in it differs from its mean by 0.5 % at most."""
+"""Width of a bin over the distance of its first line from the nearest pole; the mean of the spectrum of one mode in it
+differs from that at its middle by 0.7 % at most."""
 _LEAST_GAIN = 0.03
 """Gain of the log-likelihood below which the search ends; a quarter of a standard deviation is such a gain."""
 _MOST_ROUNDS = 12

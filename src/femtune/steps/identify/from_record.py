@@ -156,12 +156,13 @@ def _refined(
     if found.table is None or not count:
         return found, ()
     others = ", ".join(f"{hz:.4g}" for i, hz in enumerate(after.modes.modes.freq_hz) if i not in after.positions)
-    if others:
-        told = [
-            Notice("identify.likelihood/partly", level="info", refined=len(after.positions), count=count, others=others)
-        ]
+    done = len(after.positions)
+    if not done:
+        told = [Notice("identify.likelihood/none", level="info", refined=done, count=count)]
+    elif others:
+        told = [Notice("identify.likelihood/partly", level="info", refined=done, count=count, others=others)]
     else:
-        told = [Notice("identify.likelihood", level="info", count=count)]
+        told = [Notice("identify.likelihood", level="info", refined=done, count=count)]
     if after.divided:
         hz = ", ".join(f"{f:.4g}" for f in after.divided)
         told.append(Notice("identify.likelihood/divided", level="info", frequencies=hz))

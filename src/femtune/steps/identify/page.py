@@ -285,7 +285,9 @@ def _stabilisation(made: IdentifyResult) -> StabilisationView | None:
     shown = np.flatnonzero((table.freq_hz >= low) & (table.freq_hz <= high))
     row = {int(at): i for i, at in enumerate(shown)}
     ours = [c for c in identified.candidates if c.chosen or c.left]
-    picked = [PickedView(row[c.at], c.name, c.left) for c in ours if c.at in row]
+    # two modes that begin at one pole are picked with it, and are two again
+    once = {c.at: PickedView(row[c.at], c.name, c.left) for c in reversed(ours) if c.at in row}
+    picked = list(once.values())[::-1]
     methods = list(dict.fromkeys(table.method))
     return StabilisationView(
         tuple(methods),

@@ -64,7 +64,7 @@ def found_from_setups(file: IdentifyFile, identify: IdentifyEach) -> Found:
         merged, collinearity, None, (), {}, replace(each[0].curve, words=f"{each[0].curve.words}, set-up {names[0]}"),
         found_in=np.full(len(merged), len(each)), estimates=len(each),
         lines=distinct([line for setup in each for line in setup.lines]),
-        notices=(*_notices(each), *left_notice(left, len(each))),
+        notices=(*_notices(each), *likelihood_notice(names, each), *left_notice(left, len(each))),
         geometry=next((setup.geometry for setup in each if len(setup.geometry)), NO_GEOMETRY),
     )  # fmt: skip
 
@@ -95,12 +95,37 @@ def _collinearity(identified: Found, freq: float) -> float:
 
 
 def _notices(each: list[Found]) -> tuple[Notice, ...]:
-    """Those of all set-ups, those of one kind and text once."""
+    """Those of all set-ups, those of one kind and text once; what was refined is told by `likelihood_notice`."""
     seen: dict[str, Notice] = {}
     for identified in each:
-        for notice in identified.notices:
+        for notice in (n for n in identified.notices if n.code != _LIKELIHOOD):
             seen.setdefault(f"{notice.code} {notice.what}", notice)
     return tuple(seen.values())
+
+
+_LIKELIHOOD = "identify.likelihood"
+
+
+def likelihood_notice(names: Sequence[str], each: Sequence[Found]) -> tuple[Notice, ...]:
+    """How many modes of all set-ups were refined, and where they were not all or one was divided; () for FRFs."""
+    refined, count, others = 0, 0, list[str]()
+    for name, setup in zip(names, each):
+        facts = {key: value for n in setup.notices if n.code == _LIKELIHOOD for key, value in n.facts.items()}
+        if not facts:
+            continue
+        refined, count = refined + facts["refined"], count + facts["count"]
+        pair = f", two modes near {facts['frequencies']} Hz" if "frequencies" in facts else ""
+        if facts["refined"] < facts["count"] or pair:
+            others.append(f"set-up {name}: {facts['refined']} of {facts['count']}{pair}")
+    if not count:
+        return ()
+    more = [f"and {len(others) - _MOST_LISTED} more set-ups"] if len(others) > _MOST_LISTED else []
+    words = f" ({'; '.join([*others[:_MOST_LISTED], *more])})" if others else ""
+    return (Notice("identify.likelihood/setups", level="info", refined=refined, count=count, others=words),)
+
+
+_MOST_LISTED = 5
+"""Set-ups that the notice lists, so that it stays one sentence."""
 
 
 def left_notice(left: list[PartlyFound], setups: int) -> tuple[Notice, ...]:
