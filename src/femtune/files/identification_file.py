@@ -48,8 +48,8 @@ class IdentifyTable(TomlTable):
     """Title of the report. Default: the name of the file. Example: `"Building, state BC"`"""
     record: RecordName | Annotated[tuple[RecordName, ...], Field(min_length=1)] | None = None
     """Time histories: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5 (`pip install "femtune[hdf5]"`), WAV, LVM,
-    TDMS (`pip install npTDMS`). With measured forces also several records of the same channels, such as the hits of a
-    hammer. Example: `"bc.csv"`"""
+    TDMS (`pip install "femtune[tdms]"`), MDF. With measured forces also several records of the same channels, such as
+    the hits of a hammer. Example: `"bc.csv"`"""
     frfs: FrfsName | tuple[FrfsName, ...] | None = None
     """Instead of `record`: measured FRFs (motion over force): UFF 58, ASCII or binary, one or several files of one
     test; or arrays and tables with [`[functions]`](#functions): .mat, .npy, .npz, HDF5, CSV and other text. Example:
@@ -70,10 +70,11 @@ class IdentifyTable(TomlTable):
     units: Units = "m-kg-s"
     """Units of length, mass and time, if a Universal File does not state them. Example: `"mm-t-s"`"""
     format: RecordFormatKey | None = None
-    """Format of the record: `"text"`, `"numpy"`, `"matlab"`, `"hdf5"`, `"wav"`, `"lvm"`, `"tdms"` or `"uff"`. Default:
-    from the extension. Example: `"text"`"""
+    """Format of the record: `"text"`, `"numpy"`, `"matlab"`, `"hdf5"`, `"wav"`, `"lvm"`, `"tdms"`, `"mdf"` or `"uff"`.
+    Default: from the extension. Example: `"text"`"""
     variable: Text | None = None
-    """Name of the array in a file with several arrays. Example: `"acc"`"""
+    """Name of the array in a file with several arrays, or of the group of channels in a file of a logger. Example:
+    `"acc"`"""
     sampling_hz: Rate | None = None
     """Sampling frequency, if the file does not state it; if it does, both values must agree. Example: `200.0`"""
     band_hz: tuple[Hertz, Hertz] | None = None

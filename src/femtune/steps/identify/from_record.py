@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Notice
-from femtune.files.records import ChannelColumn, read_record
+from femtune.files.records import ChannelColumn, read_record_told
 from femtune.identification.averaging import cross_spectra, no_lost_samples
 from femtune.identification.choice import CHOSEN_BY_USER, PickedPole, change_choice, has_candidate, pick_poles
 from femtune.identification.combine import Estimate, combine
@@ -72,8 +72,8 @@ Noise lowers the MAC of one mode by two methods; the MAC of different modes is m
 """
 
 
-def read_asked(file: IdentifyFile) -> list[TimeSeries]:
-    """The records with their channels.
+def read_asked(file: IdentifyFile) -> list[tuple[TimeSeries, tuple[Notice, ...]]]:
+    """The records with their channels, each with what its reader and the headings of its columns tell.
 
     Raises
     ------
@@ -82,13 +82,14 @@ def read_asked(file: IdentifyFile) -> list[TimeSeries]:
     table = file.identify
     columns = [_column(entry) for entry in file.channel]
     units = unit_system(table.units)
-    return [
-        read_record(path, columns, table.sampling_hz, table.variable, table.format, units)
+    read = [
+        read_record_told(path, columns, table.sampling_hz, table.variable, table.format, units)
         for path in file.measured_paths
     ]
+    return [(record, (*told, *_of_headings(record, file))) for record, told in read]
 
 
-def heading_notices(record: TimeSeries, file: IdentifyFile) -> Iterable[Notice]:
+def _of_headings(record: TimeSeries, file: IdentifyFile) -> Iterable[Notice]:
     """``record.headings`` where the headings of a table say which column is a force, and not [[channel]]."""
     forces = [c for c in record.channels if c.role == "input"]
     if file.channel or not any(c.name for c in forces):

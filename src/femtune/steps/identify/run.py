@@ -18,7 +18,7 @@ from femtune.identification.record_checks import check_record
 from femtune.journal.owner import owner_of
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
-from femtune.steps.identify.from_record import found_from_record, heading_notices, read_asked
+from femtune.steps.identify.from_record import found_from_record, read_asked
 from femtune.steps.identify.from_spectra import found_from_spectra
 from femtune.steps.identify.levels import level_file, linearity_notice, linearity_of
 from femtune.steps.identify.request import asked_of, check_methods, check_no_lines, check_usable
@@ -52,8 +52,8 @@ def identify(
 
     Parameters
     ----------
-    path : an identification file (TOML), a record (CSV, UFF 58, .npy, .npz, .mat, HDF5, WAV), or functions or
-        spectra (UFF 58)
+    path : an identification file (TOML), a record (CSV, UFF 58, .npy, .npz, .mat, HDF5, WAV, LVM, TDMS, MDF), or
+        functions or spectra (UFF 58)
     output : output folder; default: that of the file, or ``identified`` in its folder
     options : keys of [identify] that replace those of the file: ``{"band_hz": (2.0, 40.0)}``
     jobs : the most set-ups or levels that are identified at a time; one after another where it is None
@@ -110,10 +110,10 @@ def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
     geometry = read_described_geometry(file)
     records: list[TimeSeries] = []
     notices: tuple[Notice, ...] = ()
-    for read in read_asked(file):
+    for read, of_file in read_asked(file):
         record, of_bodies = with_rigid_bodies(read, file, geometry)
         check_usable(record)
-        told = (*heading_notices(read, file), *of_bodies, *check_record(record))
+        told = (*of_file, *of_bodies, *check_record(record))
         notices = (*notices, *(notice for notice in told if notice not in notices))
         records.append(record)
     forces = has_forces(records[0])
