@@ -26,7 +26,15 @@ from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.report import ReportTable
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
-from femtune.identification.kinds import KNOWN_INPUT, OF_SPECTRA, OUTPUT_ONLY, FrfEstimator, MethodWord, SpectraWindow
+from femtune.identification.kinds import (
+    KNOWN_INPUT,
+    OF_SPECTRA,
+    OUTPUT_ONLY,
+    FrfEstimator,
+    GapWay,
+    MethodWord,
+    SpectraWindow,
+)
 from femtune.modal.kinds import FrfKind, Quantity, Role
 
 # ----------------------------------------------------------------------------------------------------
@@ -106,6 +114,10 @@ class IdentifyTable(TomlTable):
     fragments: Annotated[int, Field(ge=1, le=1000)] = 1
     """Number of fragments into which the record is divided; each method is applied to each fragment, and the result is
     their mean, with standard deviations. Example: `4`"""
+    gaps: GapWay | None = None
+    """What to do with a [record in which samples are missing](guide/identify.md#gaps): `"parts"`: it is cut at the
+    gaps, and its parts are used as records of their own, except those shorter than a quarter of the longest one;
+    `"longest"`: only the longest part is used. Default: gaps are an error. Example: `"parts"`"""
     real: bool = True
     """Real shapes; `false`: complex shapes, for FRFs. Example: `false`"""
     take_hz: tuple[Positive, ...] = ()

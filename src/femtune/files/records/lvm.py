@@ -334,7 +334,8 @@ def _of_segment(segment: _Samples, channel: int, step: float) -> Reals:
     """Times of the samples of a channel in its segment: as they are written, even where their rounding is all else."""
     written, count = segment.times[channel], len(segment.columns[channel])
     if written is None or count < 2:
-        return segment.begins[channel] + step * np.arange(count)
+        return np.asarray(segment.begins[channel] + step * np.arange(count), dtype=np.float64)
     even: Reals = np.linspace(written[0], written[-1], count, dtype=np.float64)
     own = float(written[-1] - written[0]) / (count - 1)
-    return np.asarray(even if np.abs(written - even).max() <= max(_EVEN * own, _WRITTEN) else written)
+    is_even = bool(np.abs(written - even).max() <= max(_EVEN * own, _WRITTEN))
+    return even if is_even else written

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import click
 
+from femtune.identification.kinds import GapWay
 from femtune.steps.step import (
     FILE,
     JOBS,
@@ -53,6 +56,11 @@ STEP = Step(
                 multiple=True,
                 metavar="HZ",
                 help="Subtract the line of a machine from the record; repeatable.",
+            ),
+            click.Option(
+                ["--gaps"],
+                type=click.Choice(get_args(GapWay)),
+                help="Cut a record at its gaps: use the parts as records of their own, or the longest one.",
             ),
             click.Option(
                 ["--choices"],

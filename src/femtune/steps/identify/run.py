@@ -14,6 +14,7 @@ from femtune.errors import FemtuneError, Notice, Where, with_notices
 from femtune.executor import Processes
 from femtune.files.described_test import read_described_geometry
 from femtune.files.whole_file import digest_of
+from femtune.identification.gaps import cut_at_gaps
 from femtune.identification.record_checks import check_record
 from femtune.journal.owner import owner_of
 from femtune.steps.identify.facts import identification
@@ -114,14 +115,17 @@ def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
         record, of_bodies = with_rigid_bodies(read, file, geometry)
         check_usable(record)
         told = (*of_file, *of_bodies, *check_record(record))
+        parts, of_gaps = ([record], ()) if file.identify.gaps is None else cut_at_gaps(record, file.identify.gaps)
+        told = (*told, *of_gaps)
         notices = (*notices, *(notice for notice in told if notice not in notices))
-        records.append(record)
+        records.extend(parts)
     forces = has_forces(records[0])
     check_methods(file, forces)
-    if len(records) > 1 and not forces:
-        raise FemtuneError("identify.several-records", where=file.where("identify", "record"), count=len(records))
+    if len(file.measured_paths) > 1 and not forces:
+        count = len(file.measured_paths)
+        raise FemtuneError("identify.several-records", where=file.where("identify", "record"), count=count)
     with with_notices(notices):
-        identified = found_from_forces(records, file) if forces else found_from_record(records[0], file, progress)
+        identified = found_from_forces(records, file) if forces else found_from_record(records, file, progress)
     identified = replace(identified, notices=(*notices, *identified.notices))
     return _with_agreement(identified if geometry is None else replace(identified, geometry=geometry))
 
