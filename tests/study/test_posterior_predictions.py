@@ -181,7 +181,7 @@ def test_what_cannot_be_predicted_is_told(bench: Bench, monkeypatch: pytest.Monk
     assert record is not None
     assert (record.frequencies, record.predictions) == ((), 0)
     assert any("with more than 10 free DOFs" in s for s in record.sentences)
-    monkeypatch.setattr("femtune.steps.posterior.predictions._MOST_VALUES", 10)
+    monkeypatch.setattr("femtune.steps.posterior.predictions.MOST_VALUES", 10)
     asked = ASKED + 'discrepancy = "none"\n' + RESPONSE
     record = ft.posterior(bench.study(EI + asked)).results.posterior
     assert record is not None

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file import PosteriorTable
     from femtune.sampling import Likelihood, PosteriorSamples
     from femtune.steps.posterior.model_errors import ModelErrors
-    from femtune.steps.posterior.predictions import Predictions
+    from femtune.steps.posterior.predictions import SampledPredictions
     from femtune.study.record import Alert
     from femtune.updating import UpdateResult
 
@@ -104,7 +104,7 @@ class SampledFacts:
     reduced_orders: tuple[int, ...]
     full_error: float | None
     further: tuple[FurtherTest, ...]
-    predictions: Predictions
+    predictions: SampledPredictions
     remarks: tuple[str, ...]
 
     @property
@@ -347,8 +347,8 @@ def _predicted(record: PosteriorResults) -> Iterator[str]:
             f"{inside} {'is' if inside == 1 else 'are'} in the 95 % interval that was predicted{names}."
         )
     for one in record.functions:
-        inside = one.measured_inside_percent
-        of_test = "" if inside is None else f"; {inside:.0f} % of the measured lines are in them"
+        share = one.measured_inside_percent
+        of_test = "" if share is None else f"; {share:.0f} % of the measured lines are in them"
         yield f"The 95 % bands of the FRFs of {one.configuration} are {one.width_db:.2g} dB wide (median){of_test}."
 
 

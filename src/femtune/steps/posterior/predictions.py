@@ -58,13 +58,13 @@ _MOST_LOST = 0.05
 """Part of the samples at which a mode may not be followed: with more the ends of its interval are not known."""
 _LEAST_SOLVED = 0.5
 """Part of the samples at which the model must have a solution."""
-_MOST_VALUES = 100_000
+MOST_VALUES = 100_000
 """Values of the FRFs of a configuration at a sample: 80 MB for 200 samples in single precision."""
 _ENDS = np.array([0.025, 0.5, 0.975])
 
 
 @dataclass(frozen=True, eq=False)
-class Predictions:
+class SampledPredictions:
     """Records of what the model predicts, the number of samples and of those without a solution, and remarks."""
 
     frequencies: tuple[PosteriorFrequency, ...] = ()
@@ -192,7 +192,7 @@ class Predicting:
     def run(
         self, samples: PosteriorSamples, likelihood: Likelihood, moving: Integers, folder: Path,
         arrays: dict[str, NDArray[Any]],
-    ) -> Predictions:  # fmt: skip
+    ) -> SampledPredictions:  # fmt: skip
         """The predictions; arrays of bands are put into `arrays`.
 
         Parameters
@@ -206,7 +206,7 @@ class Predicting:
         """
         cases, remarks = self._cases()
         if not cases:
-            return Predictions(remarks=tuple(remarks))
+            return SampledPredictions(remarks=tuple(remarks))
         points = self.drawn(samples, likelihood, moving)
         model = _Model(tuple(p for *_, p in cases))
         solved, kept = self._solved(model, points, folder)
@@ -217,12 +217,12 @@ class Predicting:
             remarks.append(
                 f"Nothing is predicted: the model could not be solved at {failed} of {len(solved)} samples ({first})."
             )
-            return Predictions(asked=len(solved), failed=failed, remarks=tuple(remarks))
+            return SampledPredictions(asked=len(solved), failed=failed, remarks=tuple(remarks))
         if any(c.name == SUPPORTS for c in self.errors.classes):
             remarks.append("In the predictions the supports are those of the deck; that some give way is not in them.")
         found, functions, lost = self._records(cases, good, arrays)
         remarks += [n.what for n in kept.remarks] + lost
-        return Predictions(tuple(found), tuple(functions), len(solved), failed, tuple(remarks))
+        return SampledPredictions(tuple(found), tuple(functions), len(solved), failed, tuple(remarks))
 
     @property
     def table(self) -> PosteriorTable:
@@ -286,9 +286,9 @@ class Predicting:
         except FemtuneError as error:
             return None, f"No FRFs are predicted of {case.name}: {error.what}."
         count = len(request.outputs.labels) * len(request.inputs.labels) * len(request.freq_hz)
-        if count > _MOST_VALUES:
+        if count > MOST_VALUES:
             return None, (
-                f"No FRFs are predicted of {case.name}: [response] asks for {count:,} values, and {_MOST_VALUES:,} can "
+                f"No FRFs are predicted of {case.name}: [response] asks for {count:,} values, and {MOST_VALUES:,} can "
                 "be kept of each sample; name fewer outputs, inputs or lines."
             )
         return _Functions(request), ""
