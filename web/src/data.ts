@@ -44,7 +44,7 @@ export interface LiveCertificate { other: string; points: number; corners: numbe
 export interface LiveFunctions {
   kind: string; ordinate: string; look: string; outputs: string[]; inputs: string[]; freq_hz: Packed; test_real: Packed; test_imaginary: Packed;
   output_rows: Packed; input_rows: Packed; modes: number; ratios: number[]; ratios_hz: number[]; hysteretic: boolean; loss_factor: number;
-  label: string; form: string; sd: Packed | null; shift: Packed | null; note: string; errors: [string, number, number][];
+  si: number; label: string; form: string; sd: Packed | null; shift: Packed | null; note: string; errors: [string, number, number][];
 }
 export interface LiveCriterion { name: string; quantity: string; at_most: boolean; limit: number; unit: string; measured: number | null; verdict: string; remark: string }
 export interface LiveConfiguration {

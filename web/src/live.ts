@@ -4,8 +4,9 @@ import { readView, type Live, type LiveParameter, type View } from "./data.ts";
 import { choice, h, hertz, labelled, RIGID_HZ, save, shown, svg } from "./dom.ts";
 import { criterionRows } from "./livecriteria.ts";
 import { LiveFrfs } from "./livefrfs.ts";
+import { DroppedTest } from "./livetest.ts";
 import { inRegion, type AddedMass, type Solved } from "./livemodel.ts";
-import { certificateText, partsOf, size, studyLines, truthText, written } from "./livetext.ts";
+import { certificateText, partsOf, signed, size, studyLines, truthText, written } from "./livetext.ts";
 import type { Answer, LiveShape } from "./liveworker.ts";
 
 declare const WORKER: string;
@@ -13,8 +14,7 @@ declare const WORKER: string;
 const STEPS = 500;
 /** Models that pass by, and samples that must count for them. */
 const MODELS = 20, LEAST_EFFECTIVE = 10;
-/** An error in %, and a sum of squares; neither shows the digits of rounding. */
-const signed = (value: number) => (Math.abs(value) < 1e-3 ? size(value) : (value > 0 ? "+" : "") + shown(value, 3));
+/** A sum of squares; it does not show the digits of rounding. */
 const square = (value: number | null | undefined) => (value != null && value < 1e-3 && value > 0 ? size(value) : shown(value));
 const cycles = (hz: number, digits = 5) => (hz > RIGID_HZ ? shown(hz, digits) : "0");
 
@@ -62,6 +62,7 @@ export class LivePanel {
   private readonly criteriaTable = h("div");
   private readonly keptNote = h("p", { class: "note" });
   private readonly frfs: LiveFrfs;
+  private readonly dropped: DroppedTest;
   private readonly configuration;
   private readonly lines: HTMLTextAreaElement;
   private readonly copied = h("span", { class: "note", role: "status" });
@@ -98,6 +99,11 @@ export class LivePanel {
     this.configuration = choice("Configuration", live.configurations.map((c) => c.configuration), () => this.choose());
     this.lines = h("textarea", { readonly: true, rows: 6, "aria-label": "Values as lines for a study" });
     this.frfs = new LiveFrfs(live, this.reach, () => this.ask());
+    this.dropped = new DroppedTest(live, (modes, curves) => {
+      this.worker.postMessage({ kind: "drop", configuration: this.at, modes });
+      this.frfs.drop(curves);
+      this.ask();
+    });
     const address = URL.createObjectURL(new Blob([WORKER], { type: "text/javascript" }));
     this.worker = new Worker(address);
     this.worker.onmessage = (e: MessageEvent<Answer>) => this.take(e.data);
@@ -127,7 +133,7 @@ export class LivePanel {
         h("div", { class: "answers" }, this.where, this.truth, this.certificate, h("div", { class: "controls" }, this.configuration.label),
           table("Frequencies and MAC now", ["Test mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
           this.criteriaTable, table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.host)),
-      this.frfs.element, this.asks, this.masses, this.sensors, lines);
+      this.frfs.element, this.asks, this.masses, this.sensors, this.dropped.element, lines);
     this.criteriaTable.append(table("Criteria now", ["Criterion", "Limit", "Updated", "Now", "Verdict"], this.criteria),
       this.keptNote);
     this.fillAsks();
@@ -228,6 +234,7 @@ export class LivePanel {
     this.fillMasses();
     this.fillSensors();
     this.frfs.open(this.at);
+    this.dropped.open(this.live.configurations[this.at]);
     this.fill();
     this.ask();
   }
@@ -284,6 +291,7 @@ export class LivePanel {
     if (!this.mass) this.first[answer.configuration] ??= answer.solved;
     if (answer.configuration === this.at) { this.fill(); this.say(); }
     if (answer.functions && answer.configuration === this.at) this.frfs.take(answer.functions);
+    if (answer.dropped && answer.solved && answer.configuration === this.at) this.dropped.show(answer.dropped, answer.solved.freq_hz);
     if (answer.shape) this.draw(answer.shape);
     if (!answer.last) return;
     this.fillParts();

@@ -5,11 +5,9 @@ import { unpack } from "./data.ts";
 import { choice, h } from "./dom.ts";
 import { FunctionPlot, type Line } from "./functions.ts";
 import type { Chosen } from "./livemodel.ts";
+import { doubtOfLevel, levelRatio, type DroppedCurve } from "./livetest.ts";
 import { size } from "./livetext.ts";
 import type { LiveCurves } from "./liveworker.ts";
-
-/** A function of a test that was dropped on the page, as the page has it. */
-export interface DroppedCurve { freq: Float64Array; real: Float64Array; imaginary: Float64Array }
 
 /** What was compared of the functions, and where. */
 export function functionErrors(data: LiveFunctions, reach: string): string {
@@ -23,6 +21,7 @@ export class LiveFrfs {
   private plot: FunctionPlot | null = null;
   private curves: LiveCurves | null = null;
   private dropped: ((set: LiveFunctions, k: number) => DroppedCurve | null) | null = null;
+  private readonly doubt = h("p", { class: "note", role: "status" });
   private at = 0;
   /** The function that is shown; null without any. */
   chosen: Chosen | null = null;
@@ -38,7 +37,7 @@ export class LiveFrfs {
     const reason = c.functions_reason ? [h("p", { class: "note" }, `${c.functions.length ? "Some" : "The"} measured FRFs are not computed again: ${c.functions_reason}.`)] : [];
     if (!c.functions.length) { this.element.replaceChildren(...reason); return; }
     const place = h("div"), which = choice("Functions", c.functions.map((f, i) => `${f.label || "not compared"} ${i + 1}`), (k) => this.show(place, k));
-    this.element.replaceChildren(h("h3", {}, "FRFs now"), ...(c.functions.length > 1 ? [h("div", { class: "controls" }, which.label)] : []), place, ...reason);
+    this.element.replaceChildren(h("h3", {}, "FRFs now"), ...(c.functions.length > 1 ? [h("div", { class: "controls" }, which.label)] : []), place, this.doubt, ...reason);
     this.show(place, 0);
   }
 
@@ -75,6 +74,8 @@ export class LiveFrfs {
     if (!this.chosen || curves.chosen.set !== this.chosen.set || curves.chosen.k !== this.chosen.k) return;
     this.curves = curves;
     this.plot?.refresh();
+    const data = this.live.configurations[this.at].functions[this.chosen.set], own = this.dropped?.(data, this.chosen.k), text = own && curves.now ? doubtOfLevel(levelRatio(own, unpack(data.freq_hz), curves.now.real, curves.now.imaginary)) : "";
+    if (this.doubt.textContent !== text) this.doubt.textContent = text;
   }
 
   /** Draw the functions of a dropped test too, or no more. */

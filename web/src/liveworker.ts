@@ -3,11 +3,14 @@
 import { unpack, type Live, type SceneData } from "./data.ts";
 import type { Curve } from "./livefunctions.ts";
 import { inRegion, LiveModel, verified, type AddedMass, type Chosen, type Modes, type Solved } from "./livemodel.ts";
+import { paired, type DroppedModes, type DroppedPair } from "./livepairs.ts";
 import { drawRows, extreme, logWeights, resampled, type Allowed, type Extreme } from "./liveregion.ts";
 import { partsOf, scaledSquares } from "./livetext.ts";
 
 export interface Begin { kind: "begin"; live: Live; shapes: (SceneData["live"])[] }
 export interface Solve { kind: "solve"; id: number; x: number[]; configurations: number[]; shape: { configuration: number; test: number } | null; off: number[][]; added: { configuration: number; mass: AddedMass } | null; functions: { configuration: number; chosen: Chosen } | null }
+/** Modes of a test that is compared too, and with which configuration; none any more. */
+export interface Drop { kind: "drop"; configuration: number; modes: DroppedModes | null }
 /** Asks for models that the data allow. */
 export interface AskAllowed { kind: "allowed"; count: number }
 /** Asks for the lowest (−1) or highest (1) frequency of a test mode in the region. */
@@ -20,10 +23,11 @@ export type Answer =
   | { kind: "ready"; verified: boolean }
   | { kind: "allowed"; allowed: Allowed }
   | { kind: "extreme"; test: number; sign: number; extreme: Extreme | null }
-  | { kind: "solved"; id: number; configuration: number; solved: Solved | null; shape: LiveShape | null; functions: LiveCurves | null; last: boolean };
+  | { kind: "solved"; id: number; configuration: number; solved: Solved | null; shape: LiveShape | null; functions: LiveCurves | null; dropped: DroppedPair[] | null; last: boolean };
 
 let live: Live;
 let models: LiveModel[] = [];
+let dropped: Drop | null = null;
 let updated: (Modes | null)[] = [];
 let drawing: ({ vectors: Float32Array; weights: Float32Array; count: number } | null)[] = [];
 
@@ -47,7 +51,7 @@ function solve({ id, x, configurations, shape, off, added, functions }: Solve): 
       if (chosen) curves = { chosen, updated: curveAtUpdate(k, chosen), now: curve };
     }
     const drawn = modes && solved && shape?.configuration === k ? shapeOf(k, shape.test, modes) : null;
-    answer({ kind: "solved", id, configuration: k, solved, shape: drawn, functions: curves, last: i === configurations.length - 1 }, drawn ? [drawn.motion.buffer] : []);
+    answer({ kind: "solved", id, configuration: k, solved, shape: drawn, functions: curves, dropped: modes && dropped?.modes && dropped.configuration === k ? paired(dropped.modes, modes.freq_hz, modes.shapes.map((y) => model.seen(y))) : null, last: i === configurations.length - 1 }, drawn ? [drawn.motion.buffer] : []);
   });
 }
 
@@ -105,9 +109,10 @@ function allowed({ count }: AskAllowed): void {
   answer({ kind: "allowed", allowed: { models: chosen.map((i) => rows[i]), effective, weighed: true } });
 }
 
-self.onmessage = ({ data }: MessageEvent<Begin | Solve | AskAllowed | AskExtreme>) => {
+self.onmessage = ({ data }: MessageEvent<Begin | Solve | Drop | AskAllowed | AskExtreme>) => {
   if (data.kind === "begin") begin(data);
   else if (data.kind === "solve") solve(data);
+  else if (data.kind === "drop") dropped = data;
   else if (data.kind === "allowed") allowed(data);
   else answer({ kind: "extreme", test: data.test, sign: data.sign, extreme: extreme(models[data.configuration], live.region, live.x, data.test, data.sign, data.added) });
 };

@@ -249,7 +249,7 @@ test("a question is answered with the mass that is added", () => {
 });
 
 const BASE = { kind: "accelerance", ordinate: "", look: "test", outputs: ["1X+", "2X+"], inputs: ["2X+"], freq_hz: packed(Float64Array.of(0.05, 0.2, 0.4), [3]), test_real: packed(Float64Array.of(1, 2, 3, 4, 5, 6), [2, 1, 3]),
-  test_imaginary: packed(new Float64Array(6), [2, 1, 3]), modes: 2, ratios: [0.02, 0.03], ratios_hz: [], hysteretic: false, loss_factor: 0, label: "frf", form: "linear", sd: packed(Float64Array.of(1, 0, 1, 1, 1, 2), [2, 1, 3]), shift: null, note: "", errors: [] };
+  test_imaginary: packed(new Float64Array(6), [2, 1, 3]), modes: 2, ratios: [0.02, 0.03], ratios_hz: [], hysteretic: false, loss_factor: 0, si: 1, label: "frf", form: "linear", sd: packed(Float64Array.of(1, 0, 1, 1, 1, 2), [2, 1, 3]), shift: null, note: "", errors: [] };
 
 /** x of two equations with complex numbers [re, im]. */
 function both(a: [number, number][][], b: [number, number][]): [number, number][] {

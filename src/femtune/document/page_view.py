@@ -378,6 +378,8 @@ class LiveFunctionsView:
     ratios_hz: tuple[float, ...]
     hysteretic: bool
     loss_factor: float
+    si: float
+    """What a value is multiplied by to be in SI units."""
     label: str
     form: str
     sd: Packed | None

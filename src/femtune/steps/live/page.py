@@ -24,6 +24,7 @@ from femtune.document.page_view import (
     as_stored,
     single,
 )
+from femtune.units import unit_system
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -226,11 +227,17 @@ def _functions(source: ReportSource, f: LiveFunctions) -> LiveFunctionsView:
         inputs=f.inputs, freq_hz=as_stored(_array(source, f.freq_key)), test_real=single(test.real),
         test_imaginary=single(test.imag), output_rows=as_stored(_array(source, f.outputs_key)),
         input_rows=as_stored(_array(source, f.inputs_key)), modes=f.modes, ratios=f.damping_ratios,
-        ratios_hz=f.damping_hz, hysteretic=f.hysteretic, loss_factor=f.loss_factor, label=f.label, form=f.form,
+        ratios_hz=f.damping_hz, hysteretic=f.hysteretic, loss_factor=f.loss_factor, si=_to_si(source), label=f.label, form=f.form,
         sd=None if f.sd_key is None else single(_array(source, f.sd_key)),
         shift=None if f.shift_key is None else single(_array(source, f.shift_key)), note=note.strip(),
         errors=tuple((where, e.points, e.percent) for where, e in found if e is not None),
     )  # fmt: skip
+
+
+def _to_si(source: ReportSource) -> float:
+    """Metre per newton of a unit of length per unit of force."""
+    units = unit_system(source.results.study.units)
+    return units.length / units.force
 
 
 _QUANTITIES = {"frequency error": "frequency", "MAC": "mac"}
