@@ -131,8 +131,8 @@ export class LivePanel {
         h("fieldset", { class: "sliders" }, h("legend", {}, "Parameters"), legend, ...this.sliders.map((s) => s.element),
           h("p", { class: "tools" }, button("Back to the update", () => { this.stop(); this.setAll((p) => p.updated); }), this.live.parameters.every((p) => p.lower <= p.nominal && p.nominal <= p.upper) ? button("Initial values", () => { this.stop(); this.setAll((p) => p.nominal); }) : null)),
         h("div", { class: "answers" }, this.where, this.truth, this.certificate, h("div", { class: "controls" }, this.configuration.label),
-          table("Frequencies and MAC now", ["Test mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
-          this.criteriaTable, table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.host)),
+          table("Frequencies and MAC now", [this.live.configurations.some((c) => c.test_labels.length) ? "Test mode" : "Mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
+          table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.criteriaTable, this.host)),
       this.frfs.element, this.asks, this.masses, this.sensors, this.dropped.element, lines);
     this.criteriaTable.append(table("Criteria now", ["Criterion", "Limit", "Updated", "Now", "Verdict"], this.criteria),
       this.keptNote);
@@ -321,6 +321,7 @@ export class LivePanel {
 
   private fill(): void {
     const c = this.live.configurations[this.at], now = this.solved[this.at], first = this.first[this.at];
+    this.modes.parentElement?.classList.toggle("alone", !c.test_labels.length);
     if (!c.test_labels.length) { this.fillModel(now, first); return; }
     this.modes.replaceChildren(...c.test_labels.map((label, test) => {
       const pair = now?.pairs[test], before = first?.pairs[test], hz = pair && pair.column >= 0 ? now!.freq_hz[pair.column] : null;

@@ -12,9 +12,9 @@ export interface DroppedCurve { freq: Float64Array; real: Float64Array; imaginar
 const LEVEL = 3;
 const NAMED = 4;
 
-/** "301X+" as point with direction, and sign. */
+/** "301X+" or "10RZ-" as point with direction, and sign. */
 export function sensorOf(label: string): { name: string; sign: number } | null {
-  const found = /^(\d+)([XYZ])([+-])?$/.exec(label.trim().replace("−", "-"));
+  const found = /^(\d+)(R?[XYZ])([+-])?$/.exec(label.trim().replace("−", "-"));
   return found && { name: found[1] + found[2], sign: found[3] === "-" ? -1 : 1 };
 }
 
@@ -75,6 +75,7 @@ export class DroppedTest {
   private configuration: LiveConfiguration;
   private modes: DroppedModes | null = null;
   private notices: string[] = [];
+  private compared = false;
 
   constructor(live: Live, private readonly changed: (modes: DroppedModes | null, curves: ((set: LiveFunctions, k: number) => DroppedCurve | null) | null) => void) {
     this.configuration = live.configurations[0];
@@ -120,7 +121,12 @@ export class DroppedTest {
     this.notices = [];
     this.said.textContent = "";
     const { test } = this;
-    if (!test) { this.changed(null, null); return; }
+    if (!test) {
+      if (this.compared) this.changed(null, null);
+      this.compared = false;
+      return;
+    }
+    this.compared = true;
     const { modes, count } = atSensors(test.modes, configuration.sensor_labels), own = (set: LiveFunctions, k: number) => droppedCurve(test, set, k);
     if (test.modes.length) {
       if (count || !configuration.sensor_labels.length) this.modes = modes;

@@ -3,7 +3,7 @@
 
 export const MOST_BYTES = 60e6;
 const MOST_MODES = 300, MOST_FUNCTIONS = 3000, MOST_LINES = 200_000, MOST_VALUES = 6e6, SHOWN = 3;
-const LETTERS = ["", "X", "Y", "Z"];
+const LETTERS = ["", "X", "Y", "Z", "RX", "RY", "RZ"];
 
 /** A mode: values by point and direction ("301X"). */
 export interface UffMode { label: string; freq_hz: number; shape: Map<string, number> }
@@ -100,7 +100,7 @@ function modeOf(set: DataSet, number: number): UffMode | string {
     const values: number[] = [];
     for (i++; values.length < needed; i++) values.push(...numbers(set, i, i + 1));
     if (values.length !== needed) throw new UffError(`Line ${set.first + i}: point ${node} has ${values.length} values instead of ${needed}.`);
-    for (let k = 0; k < 3; k++) {
+    for (let k = 0; k < count; k++) {
       const name = `${node}${LETTERS[k + 1]}`;
       if (shape.has(name)) throw new UffError(`Line ${set.first + i}: point ${node} stands twice in mode ${at}.`);
       shape.set(name, [values[k * width], complex ? values[k * width + 1] : 0]);

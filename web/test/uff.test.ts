@@ -26,6 +26,8 @@ test("modes and functions of a file, with Windows line ends and numbers without 
   assert.deepEqual(Array.from(f.real), [0.001, 0.003, 0.005]);
   assert.deepEqual(Array.from(f.imaginary), [0.002, 0.004, 0.006]);
   assert.deepEqual(notices, []);
+  const six = "         1\n 1.0 2.0 3.0 4.0 5.0 6.0\n", turning = readUff(mode(1, "1.0", six).replace("8         2         3", "8         2         6")).modes[0];
+  assert.deepEqual([turning.shape.get("1Z"), turning.shape.get("1RX"), turning.shape.get("1RZ")], [3, 4, 6]);
   assert.match(readUff(frf()).notices[0], /states no units .* taken to be in SI units/);
 });
 
@@ -83,7 +85,7 @@ test("any damage is a message or a test, never another error", () => {
 });
 
 test("sensors have a point, a direction and a sign; channels that are zero everywhere were not measured", () => {
-  assert.deepEqual([sensorOf("301X+"), sensorOf("12Z-"), sensorOf("mean of two")], [{ name: "301X", sign: 1 }, { name: "12Z", sign: -1 }, null]);
+  assert.deepEqual([sensorOf("301X+"), sensorOf("12RZ-"), sensorOf("mean of two")], [{ name: "301X", sign: 1 }, { name: "12RZ", sign: -1 }, null]);
   const { modes } = readUff(mode(1, "1.0", TWO)), found = atSensors(modes, ["1Y+", "12Y-", "12X+", "99X+"]);
   assert.equal(found.count, 2);
   assert.deepEqual(Array.from(found.modes.shapes[0]), [-1, 2.5, NaN, NaN]);
