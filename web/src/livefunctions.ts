@@ -1,4 +1,4 @@
-// FRFs of the live model, as femtune.model.live.functions: some modes, and the response of all others far below their
+// FRFs of the live model, as femtune.model.live.frfs: some modes, and the response of all others far below their
 // frequencies.
 
 import { unpackDouble, type LiveFunctions } from "./data.ts";

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -66,12 +66,12 @@ def _certificate(found: LiveResults) -> Table:
     rows = tuple(
         row(
             c.configuration, str(c.order), where, _other(one), *_errors(one),
-            *([_of_functions(c, one, key)] if last else []),
+            *([_of_functions(c, one, of_region)] if last else []),
         )
         for c in found.configurations
-        for where, key, one in (
-            ("95 % region", "region", c.region), ("95 % region", "region", c.region_full),
-            (wide, "bounds", c.bounds), (wide, "bounds", c.bounds_full),
+        for where, of_region, one in (
+            ("95 % region", True, c.region), ("95 % region", True, c.region_full),
+            (wide, False, c.bounds), (wide, False, c.bounds_full),
         )
         if one is not None
     )  # fmt: skip
@@ -103,10 +103,10 @@ def _errors(c: LiveCertificate) -> tuple[Cell | str, ...]:
     return f"{c.points}{corners}{without}", *sizes
 
 
-def _of_functions(c: LiveConfiguration, one: LiveCertificate, key: Literal["region", "bounds"]) -> str:
+def _of_functions(c: LiveConfiguration, one: LiveCertificate, of_region: bool) -> str:
     """The error of the functions, in the row of what they were compared with; that of the other is empty."""
-    whole = (c.region_full, c.bounds_full)[key == "bounds"]
-    found = [e for f in c.functions if (e := getattr(f, key)) is not None]
+    whole = c.region_full if of_region else c.bounds_full
+    found = [e for f in c.functions if (e := f.region if of_region else f.bounds) is not None]
     if not found or (whole is not None and one is not whole):
         return "–"
     return f"{_size(max(e.percent for e in found))} ({found[0].points} points)"

@@ -29,7 +29,7 @@ from femtune.steps.live.certificate import (
     elastic_groups,
     frequency_error,
 )
-from femtune.steps.live.functions import (
+from femtune.steps.live.frfs import (
     MOST_OUTPUTS,
     ComparedFunctions,
     compared_functions,
@@ -707,8 +707,10 @@ def _leading(columns: Reals) -> Reals:
 
 def _ports_of(one: ComparedFunctions, full: Reals, model: LiveModel) -> LivePorts:
     """The functions on the live model, with the rows as they are stored."""
-    rows = [np.asarray(np.asarray(r @ full), np.float32).astype(float) for r in (one.ports.outputs, one.ports.inputs.T)]
-    return LivePorts(one.kind, *rows, one.freq_hz, one.modes(model), one.damping)
+    seen, driven = (
+        np.asarray(np.asarray(r @ full), np.float32).astype(float) for r in (one.ports.outputs, one.ports.inputs.T)
+    )
+    return LivePorts(one.kind, seen, driven, one.freq_hz, one.modes(model), one.damping)
 
 
 _Certificates = tuple[LiveCertificate | None, LiveCertificate, LiveCertificate | None, LiveCertificate | None]
@@ -722,7 +724,7 @@ def _function_errors(percents: Sequence[float]) -> LiveFunctionErrors | None:
 def _function_record(
     one: ComparedFunctions, ports: LivePorts, errors: _FunctionErrors, prefix: str, arrays: dict[str, NDArray]
 ) -> LiveFunctions:
-    stored = {"hz": ports.freq_hz, "test": one.test, "outputs": ports.outputs.astype(np.float32),
+    stored: dict[str, NDArray] = {"hz": ports.freq_hz, "test": one.test, "outputs": ports.outputs.astype(np.float32),
               "inputs": ports.inputs.astype(np.float32)}  # fmt: skip
     if one.sd is not None:
         stored["sd"] = one.sd

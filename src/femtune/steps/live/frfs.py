@@ -214,7 +214,7 @@ def _chosen(
     taken = np.flatnonzero(positive)[::every]
     used = residual is not None and every == 1 and bool(positive.all())
     return ComparedFunctions(
-        cast("FrfKind", of.kind), frf_unit(of.kind, study.file.study.unit_system),  # type: ignore[arg-type]
+        cast("FrfKind", of.kind), frf_unit(of.kind, study.file.study.unit_system),
         look, tuple(of.responses.labels()), tuple(of.references.labels()), freq_hz[taken], test[:, :, taken], ports,
         damping, how, residual.sd if residual is not None and used else None,
         residual.shift if residual is not None and used else None, residual.form if residual is not None else "linear",
