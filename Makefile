@@ -194,7 +194,7 @@ bench-fuzz: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## twenty thousand damag
 	@test -d $(VENV)/fuzz/pyNastran || $(PIP) --target $(VENV)/fuzz --no-deps $(FUZZ_PEERS)
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/fuzz $(BIN)/python benchmarks/fuzz/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
-fuzz-records: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## two thousand damaged records: text, .lvm, .tdms (with npTDMS), .wav, .mat and arrays; takes minutes and can be interrupted
+fuzz-records: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## two thousand damaged records: text, .lvm, .tdms, .mf4, .wav, .mat and arrays; takes minutes and can be interrupted
 	@$(ONE_THREAD) $(BIN)/python benchmarks/fuzz/run.py --group records --count 2000 $(BENCH_ARGS)
 
 bench-solver-files: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## five thousand damaged files of other programs, with their system calls recorded; takes minutes and can be interrupted
@@ -242,9 +242,12 @@ $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 	@$(PIP) -e '.[lint]'
 	@touch $@
 
+# the library that MDF files of the tests are written with
+READER_PEERS := asammdf
+
 $(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
-	@echo "installing the libraries for OP2, Ansys, HDF5, Parquet and VTU files, CMA-ES, ArviZ and the light factorisation into $(VENV)"
-	@$(PIP) -e '.[light,op2,ansys,hdf5,parquet,vtu,search,arviz]'
+	@echo "installing the libraries for OP2, Ansys, HDF5, TDMS, Parquet and VTU files, CMA-ES, ArviZ and the light factorisation into $(VENV)"
+	@$(PIP) -e '.[light,op2,ansys,hdf5,tdms,parquet,vtu,search,arviz]' $(READER_PEERS)
 	@touch $@
 
 $(VENV)/.stamp-notebooks: pyproject.toml $(VENV)/.stamp-test

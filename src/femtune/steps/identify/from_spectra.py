@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
     from femtune.modal.spectrum_set import SpectrumSet
 
-_OF_RECORDS = ("remove_hz", "fragments", "period_s", "exponential_s", "force_window_s", "sampling_hz")
+_OF_RECORDS = ("remove_hz", "fragments", "period_s", "exponential_s", "force_window_s", "sampling_hz", "gaps")
 """Keys of [identify] that spectra cannot serve."""
 
 
