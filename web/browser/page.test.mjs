@@ -41,6 +41,8 @@ async function still(page) {
 }
 /** Fails unless the element soon looks as it did: a browser may draw a part of the page a few frames late. */
 async function looks(element, picture) {
+  // a picture scrolls the element into view: a button that comes to lie under the pointer looks different
+  await element.page().mouse.move(0, 0);
   for (let i = 0; i < 20; i++) {
     if (picture.equals(await element.screenshot())) return;
     await element.page().waitForTimeout(200);
@@ -95,6 +97,119 @@ test("shapes move while it plays, and stand when it is paused", async () => {
   assert.equal(await still(page), paused);
   await close();
 });
+
+test("the pointer shows number and motion of a point, and so do keys", async () => {
+  const { page, close } = await open(pages[0]);
+  await canvas(page).scrollIntoViewIfNeeded();
+  await settled(page);
+  const box = await canvas(page).boundingBox(), tip = page.locator(".viewer .tip"), told = new Set(), scene = (await viewOf(page)).scenes[0];
+  for (let i = 1; i < 20; i++) for (const y of [0.12, 0.25, 0.5]) {
+    await page.mouse.move(box.x + (i * box.width) / 20, box.y + y * box.height);
+    if (await tip.isVisible()) told.add(await tip.textContent());
+  }
+  assert.ok(told.size > 1, "points are found by the pointer");
+  for (const text of told) assert.match(text, /^(Test point \d+|Point \d+|Test): [\d.]+ % of the largest displacement$/);
+  await canvas(page).focus();
+  const stepped = new Set();
+  for (let i = 0; i < scene.points.shape[0]; i++) { await page.keyboard.press("n"); stepped.add((await tip.textContent()).split(":")[0]); }
+  assert.equal(stepped.size, scene.points.shape[0], "every point has a number of its own");
+  assert.ok(Array.from(stepped).every((name) => /^Point \d+$/.test(name)));
+  await close();
+});
+
+test("the motion is saved as a film and as pictures", async (t) => {
+  const { page, close } = await open(pages[0]);
+  await canvas(page).scrollIntoViewIfNeeded();
+  let download = page.waitForEvent("download");
+  await page.getByRole("button", { name: "Save the motion as PNG frames" }).click();
+  const archive = readFileSync(await (await download).path());
+  const names = archive.toString("latin1").match(/frame-\d\d\.png/g);
+  assert.equal(new Set(names).size, 36);
+  const starts = Array.from(archive.toString("latin1").matchAll(/\x89PNG/g), (m) => m.index);
+  assert.equal(starts.length, 36);
+  const pictures_ = new Set(starts.slice(0, 10).map((at, k) => archive.subarray(at, starts[k + 1] - 50).toString("base64").slice(0, 4000)));
+  assert.equal(pictures_.size, 10, "the pictures differ");
+  const maker = page.getByRole("button", { name: "Save the motion as a film" });
+  if (await maker.count()) {
+    download = page.waitForEvent("download");
+    await maker.click();
+    const film = readFileSync(await (await download).path());
+    assert.ok(film.length > 5000);
+    assert.ok(film.subarray(0, 4).equals(Buffer.from([0x1a, 0x45, 0xdf, 0xa3])) || film.subarray(4, 8).toString() === "ftyp");
+  } else t.diagnostic("this browser makes no films");
+  await close();
+});
+
+test("a cursor reads functions, as magnitude and phase and as a Nyquist plot, and shows the operating shape", async (t) => {
+  const path = pages.find((p) => /"operating":\{/.test(readFileSync(p, "utf8")));
+  if (!path) return t.skip("no page has functions at points of a geometry");
+  const { page, close } = await open(path);
+  const box = page.locator("#fit .functions"), plot = box.locator("svg.plot"), read = box.locator(".readout");
+  await plot.scrollIntoViewIfNeeded();
+  const frame = await plot.boundingBox();
+  await page.mouse.click(frame.x + 0.5 * frame.width, frame.y + 0.4 * frame.height);
+  const first = await read.textContent();
+  assert.match(first, /^[\d.]+ Hz: test [\d.e−]+ at −?[\d.]+°; identified test [\d.e−]+ at −?[\d.]+°$/);
+  assert.match(await page.locator(".viewer .shown").textContent(), /^Operating shape at [\d.]+ Hz, force at \S+: \d+ measured functions$/);
+  const shape = await still(page);
+  await plot.focus();
+  await page.keyboard.press("ArrowRight");
+  assert.notEqual(await read.textContent(), first);
+  for (let i = 0; i < 3; i++) await page.keyboard.press("Shift+ArrowRight");
+  assert.notEqual(await still(page), shape);
+  const d = await plot.locator("path[data-look=test]").first().getAttribute("d");
+  await box.getByRole("combobox", { name: /^Plot/ }).selectOption("Nyquist");
+  assert.notEqual(await plot.locator("path[data-look=test]").first().getAttribute("d"), d);
+  assert.equal(await plot.locator("circle.cursor").count(), 2);
+  assert.match(await plot.getAttribute("aria-label"), /Nyquist/);
+  await plot.focus();
+  await page.keyboard.press("Escape");
+  assert.equal(await read.textContent(), "");
+  assert.match(await page.locator(".viewer .shown").textContent(), /mode/i);
+  await close();
+});
+
+/** A browser of a telephone: fingers, and no mouse. */
+async function telephone(path, act) {
+  const own = await chromium.launch({ executablePath: found, args: [...software, "--blink-settings=primaryPointerType=2,availablePointerTypes=2,primaryHoverType=1,availableHoverTypes=1"] });
+  const opened = await open(path, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true }, own);
+  const session = await opened.page.context().newCDPSession(opened.page);
+  const touch = (type, ...points) => session.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+  await act({ ...opened, touch });
+  await opened.close();
+  await own.close();
+}
+
+for (const path of pages) {
+  test(`${named(path)}: targets of 44 px, two fingers that zoom, swipes that scroll`, async () => {
+    await telephone(path, async ({ page, touch }) => {
+      await page.waitForTimeout(1500);
+      const small = await page.evaluate(() => Array.from(document.querySelectorAll("button, select, summary, nav a")).filter((e) => e.checkVisibility?.() ?? e.offsetParent).map((e) => [e.getBoundingClientRect(), e])
+        .filter(([r]) => r.width > 0 && (r.width < 43.5 || r.height < 43.5)).map(([r, e]) => `${e.outerHTML.slice(0, 90)} ${r.width}×${r.height}`));
+      assert.deepEqual(small.slice(0, 5), []);
+      assert.equal(await page.evaluate(() => document.documentElement.scrollWidth - innerWidth), 0);
+      for (const one of [".viewer canvas", "svg.plot"]) {
+        const place = page.locator(one).first();
+        if (!(await place.count())) continue;
+        await place.evaluate((e) => e.scrollIntoView({ block: "center", behavior: "instant" }));
+        await settled(page);
+        const r = await place.boundingBox(), [x, y] = [r.x + r.width / 2, r.y + r.height / 2], at = await page.evaluate(() => scrollY);
+        const looks_ = () => place.evaluate((e) => (e.tagName === "CANVAS" ? e.toDataURL() : e.innerHTML)), before = await looks_();
+        await touch("touchStart", [x - 30, y], [x + 30, y]);
+        for (let k = 1; k < 8; k++) await touch("touchMove", [x - 30 - 8 * k, y], [x + 30 + 8 * k, y]);
+        await touch("touchEnd");
+        await settled(page);
+        assert.notEqual(await looks_(), before, `${one}: two fingers zoom`);
+        assert.equal(await page.evaluate(() => visualViewport.scale), 1);
+        await touch("touchStart", [x, y]);
+        for (let k = 1; k < 10; k++) { await touch("touchMove", [x, y - 25 * k]); await page.waitForTimeout(20); }
+        await touch("touchEnd");
+        await page.waitForTimeout(300);
+        assert.ok((await page.evaluate(() => scrollY)) > at + 60, `${one}: a swipe scrolls the page`);
+      }
+    });
+  });
+}
 
 test("it plays by itself where nothing speaks against motion", async () => {
   const { page, close } = await open(pages[0], { reducedMotion: "no-preference" });

@@ -12,10 +12,11 @@ export interface SceneData {
   stages: Stage[]; places: Packed | null; wire: Packed | null; test: Packed | null; test_imaginary: Packed | null;
   test_labels: string[]; test_freq_hz: number[]; test_only: boolean;
   parameters: string[]; slopes: number[][]; live: { vectors: Packed; weights: Packed } | null;
-  line_parts: Packed | null; face_parts: Packed | null; part_fields: string[][];
+  line_parts: Packed | null; face_parts: Packed | null; part_fields: string[][]; point_numbers: Packed | null; place_numbers: Packed | null;
 }
 export interface Curve { look: string; freq_hz: Packed; real: Packed; imaginary: Packed; phase: boolean }
-export interface Functions { configuration: string; ordinate: string; titles: string[]; curves: Curve[]; note: string; section: string }
+export interface Operating { rows: number[]; directions: Packed; inputs: string[] }
+export interface Functions { configuration: string; ordinate: string; titles: string[]; curves: Curve[]; note: string; section: string; operating: Operating | null }
 export interface IterationMode {
   configuration: string; test_label: string; test_freq_hz: number; freq_hz: (number | null)[]; mac: (number | null)[];
 }

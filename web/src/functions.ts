@@ -78,7 +78,7 @@ export function fitWidth(drawing: SVGSVGElement, height: number, draw: (width: n
 }
 
 /** Curves that do not change. */
-export const fixed = (data: Functions): Source => ({ ...data, phase: true, lines: (k) => linesOf(data.curves, k) });
+export const fixed = (data: Functions): Source => ({ ...data, phase: true, operating: data.operating !== null, lines: (k) => linesOf(data.curves, k) });
 
 export class FunctionPlot {
   readonly element: HTMLElement;

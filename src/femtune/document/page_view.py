@@ -117,6 +117,10 @@ class SceneView:
     face_parts: Packed | None = None
     part_fields: tuple[tuple[str, ...], ...] = ()
     """For each part the fields of the deck that all its elements have, as `FieldChoiceView.field` names them."""
+    point_numbers: Packed | None = None
+    """(points,) numbers of the grid points or of the points of the test."""
+    place_numbers: Packed | None = None
+    """(places,) numbers of the points of the test; 0 where a place is none."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +138,16 @@ class CurveView:
 
 
 @dataclass(frozen=True)
+class OperatingView:
+    """Where functions are measured: for each the row of a point of the scene (−1 for none), the direction (functions,
+    3) and its input, by which functions belong together."""
+
+    rows: tuple[int, ...]
+    directions: Packed
+    inputs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class FunctionsView:
     """Frequency response functions of one configuration, for a section of the page."""
 
@@ -143,6 +157,7 @@ class FunctionsView:
     curves: tuple[CurveView, ...]
     note: str = ""
     section: str = "responses"
+    operating: OperatingView | None = None
 
 
 @dataclass(frozen=True)
