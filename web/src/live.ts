@@ -86,6 +86,11 @@ export class LivePanel {
   private chosen = 0;
   private timer = 0;
   private asked = 0;
+  /** When the first input that is not yet asked for was made. */
+  private input: number | null = null;
+  /** Whether the configurations that are not shown are being solved. */
+  private resting = false;
+  private shape: LiveShape | null = null;
   private test: number;
 
   constructor(private readonly view: View, private readonly failed: (why: string) => void) {
@@ -271,12 +276,22 @@ export class LivePanel {
   private ask(): void {
     this.lines.value = studyLines(this.live.parameters, this.values);
     this.copied.textContent = "";
+    // an input that waits is counted from when it was made
+    this.input ??= performance.now();
     if (this.busy) { this.waiting = true; return; }
     this.busy = true;
-    this.asked = performance.now();
-    // the configuration that is shown comes first
-    const rest = this.live.configurations.map((_, k) => k).filter((k) => k !== this.at);
-    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)), added: this.added && { configuration: this.at, mass: this.added }, functions: this.frfs.chosen && { configuration: this.at, chosen: this.frfs.chosen } });
+    this.asked = this.input;
+    this.input = null;
+    this.id++;
+    this.solve([this.at], true);
+  }
+
+  /** Ask the worker; what is shown comes first, other configurations when nothing newer waits. */
+  private solve(configurations: number[], shown: boolean): void {
+    this.worker.postMessage({
+      kind: "solve", id: this.id, x: this.x, configurations, shape: !shown || this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)),
+      added: this.added && { configuration: this.at, mass: this.added }, functions: shown ? this.frfs.chosen && { configuration: this.at, chosen: this.frfs.chosen } : null,
+    });
   }
 
   private take(answer: Answer): void {
@@ -292,12 +307,28 @@ export class LivePanel {
     if (answer.configuration === this.at) { this.fill(); this.say(); }
     if (answer.functions && answer.configuration === this.at) this.frfs.take(answer.functions);
     if (answer.dropped && answer.solved && answer.configuration === this.at) this.dropped.show(answer.dropped, answer.solved.freq_hz);
-    if (answer.shape) this.draw(answer.shape);
+    if (answer.shape) this.shape = answer.shape;
     if (!answer.last) return;
+    const { asked } = this, rest = this.live.configurations.map((_, k) => k).filter((k) => k !== this.at), shown = !this.resting;
+    if (shown) requestAnimationFrame(() => { this.element.dataset.ms = (performance.now() - asked).toFixed(1); });
+    if (shown && rest.length && !this.waiting) { this.resting = true; this.solve(rest, false); return; }
+    this.resting = this.busy = false;
+    if (this.waiting) { this.waiting = false; this.drawLater(asked, null); this.ask(); return; }
     this.fillParts();
-    requestAnimationFrame(() => { this.element.dataset.ms = (performance.now() - this.asked).toFixed(1); this.element.dataset.solved = String(answer.id); });
-    this.busy = false;
-    if (this.waiting) { this.waiting = false; this.ask(); }
+    this.drawLater(asked, answer.id);
+  }
+
+  /** Draw the shape in the frame after that of the numbers: a computer without a graphics card takes long to draw it. */
+  private drawLater(asked: number, id: number | null): void {
+    requestAnimationFrame(() => setTimeout(() => {
+      const { shape } = this;
+      this.shape = null;
+      if (shape && this.solved[shape.configuration]) this.draw(shape);
+      requestAnimationFrame(() => {
+        if (shape) this.element.dataset.shapeMs = (performance.now() - asked).toFixed(1);
+        if (id !== null) this.element.dataset.solved = String(id);
+      });
+    }));
   }
 
   /** Where the values are, and what holds there. */
