@@ -2,7 +2,8 @@
 // FEMTUNE_PICTURES a folder for the pictures that are taken, FEMTUNE_CHROMIUM the browser.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
 import { basename, dirname, join, resolve } from "node:path";
 import test, { after, before } from "node:test";
 import { pathToFileURL } from "node:url";
@@ -417,7 +418,7 @@ test("poles are picked, named and dropped by pointer and keys, and saved as a ch
   assert.deepEqual(await saved(), before.slice(1));
   await rows.first().locator("input").fill('a "name"');
   assert.match((await saved())[0], /name = "a \\"name\\""/);
-  await box.locator("svg.plot").focus();
+  await box.locator("svg.plot[role=application]").focus();
   await page.keyboard.press("ArrowRight");
   await page.keyboard.press("Enter");
   const after = await rows.count();
@@ -425,6 +426,97 @@ test("poles are picked, named and dropped by pointer and keys, and saved as a ch
   await box.getByRole("button", { name: "as identified" }).click();
   assert.deepEqual(await saved(), before);
   await close();
+});
+
+const femtune = resolve(process.env.FEMTUNE_COMMAND ?? "../.venv/bin/femtune");
+/** Runs femtune; its result is in the files that it writes. A verdict that is not a pass is a result too. */
+function run(...arguments_) {
+  try { execFileSync(femtune, [...arguments_, "--quiet"], { encoding: "utf8", stdio: "pipe", env: { ...process.env, OMP_NUM_THREADS: "1" } }); }
+  catch (error) { if (error.status > 3) throw new Error(`${arguments_.join(" ")}: ${error.stderr}`); }
+}
+
+test("poles: the synthesis follows what is picked, and the saved file gives the same modes to the command", async (t) => {
+  const path = pages.find((p) => /"stabilisation":\{/.test(readFileSync(p, "utf8")));
+  if (!path) return t.skip("no page has a stabilisation diagram");
+  const { page, close } = await open(path);
+  const data = (await viewOf(page)).stabilisation, box = page.locator(".stabilisation"), told = box.locator("p", { hasText: "Synthesis of the picked poles" });
+  const error = async () => Number(/error ([\d.]+) % in the median/.exec(await told.textContent())[1]);
+  const curve = (look) => box.locator(`[data-curve=${look}]`), first = await error(), drawn = await curve("synthesis").getAttribute("d");
+  assert.ok(first < 10);
+  assert.equal(await box.locator(".functions [data-look=picked]").count(), 1);
+  await box.locator(`[data-pole="${data.picked.at(-1).row}"]`).click();
+  assert.ok((await error()) > 1.5 * first, "a mode less is missed");
+  assert.notEqual(await curve("synthesis").getAttribute("d"), drawn);
+  await box.getByLabel("synthesis of the picked poles").uncheck();
+  assert.equal(await curve("synthesis").count(), 0);
+  await box.getByLabel("Behind the poles").selectOption("singular values (CMIF)");
+  assert.equal(await curve("measured").count(), data.singular_db.shape[0]);
+  await box.getByRole("button", { name: "as identified" }).click();
+  assert.ok(Math.abs((await error()) / first - 1) < 1e-6);
+  await box.locator("tbody input").first().fill("lowest");
+  const download = page.waitForEvent("download");
+  await box.getByRole("button", { name: "Save choices.toml" }).click();
+  const folder = mkdtempSync(join(tmpdir(), "femtune-")), file = join(folder, "choices.toml"), measured = join(dirname(path), "..", data.inputs[0].path);
+  await (await download).saveAs(file);
+  await close();
+  if (existsSync(femtune) && existsSync(measured)) {
+    run("identify", measured, "--order", String(Math.max(...Buffer.from(data.order.data, "base64"))), "--choices", file, "--output", join(folder, "again"));
+    const modesOf = (where) => JSON.parse(readFileSync(join(where, "identified.json"), "utf8")).modes;
+    const modes = modesOf(join(folder, "again")), then = modesOf(dirname(path));
+    assert.deepEqual(modes.map((m) => m.freq_hz), then.map((m) => m.freq_hz));
+    assert.deepEqual(modes.map((m) => m.damping_ratio), then.map((m) => m.damping_ratio));
+    assert.equal(modes[0].label, "lowest");
+  } else t.diagnostic("the command was not run: it or the measured file is not there");
+  rmSync(folder, { recursive: true });
+});
+
+test("a parameter by a click on a part, and a pair, come back to the study by the saved file", async (t) => {
+  const { page, close } = await open(pages[0]);
+  const view = await viewOf(page), scene = view.scenes.find((s) => s.line_parts);
+  if (!scene) { await close(); return t.skip("no part of the structure has fields"); }
+  const box = page.locator(".chooser"), picture = box.locator(".parts canvas"), own = box.locator(".of-part");
+  await picture.scrollIntoViewIfNeeded();
+  const frame = await picture.boundingBox(), seen = new Set();
+  // clicks all over the picture find every part that can be chosen
+  for (let i = 1; i < 10; i++) for (let k = 1; k < 10; k++) {
+    await page.mouse.click(frame.x + (i * frame.width) / 10, frame.y + (k * frame.height) / 10);
+    seen.add(await picture.getAttribute("data-part"));
+  }
+  assert.ok(seen.size > 2, `parts that clicks have found: ${Array.from(seen)}`);
+  const boxes = own.locator("input[type=checkbox]");
+  const open_ = await boxes.evaluateAll((all) => all.findIndex((b) => !b.checked));
+  assert.ok(open_ >= 0);
+  await boxes.nth(open_).check();
+  const field = (await own.locator("label").nth(open_).textContent()).split(" = ")[0];
+  const text = box.locator("textarea");
+  assert.ok((await text.inputValue()).includes(`field = "${field}"`));
+  // the same by keys: the list of parts, and Space on the box
+  await box.getByRole("combobox", { name: /^Part/ }).selectOption({ index: 1 });
+  await boxes.first().focus();
+  const was = await boxes.first().isChecked();
+  await page.keyboard.press("Space");
+  assert.notEqual(await boxes.first().isChecked(), was);
+  await page.keyboard.press("Space");
+  const of = view.choices.configurations[0], [test_, model] = of.pairs[0];
+  await box.locator("table.mac button.of-run").first().click();
+  const download = page.waitForEvent("download");
+  await box.getByRole("button", { name: "Save choices.toml" }).click();
+  const folder = mkdtempSync(join(tmpdir(), "femtune-")), file = join(folder, "choices.toml"), study = join(dirname(pages[0]), "..", "study.toml");
+  await (await download).saveAs(file);
+  await close();
+  if (existsSync(femtune) && existsSync(study)) {
+    run("run", study, "--choices", file, "--output", join(folder, "again"));
+    const results = JSON.parse(readFileSync(join(folder, "again", "results.json"), "utf8"));
+    assert.ok(results.parameters.some((p) => p.fields.includes(field)), field);
+    const pair = results.correlations.find((c) => c.stage === "before" && c.configuration === of.configuration).pairs.find((p) => p.fixed_by_hand);
+    assert.deepEqual([pair.test_label, pair.model_number], [test_, model]);
+    // the page of the run with the choices begins with them
+    const again = await open(join(folder, "again", "report.html")), chosen = (await viewOf(again.page)).choices;
+    assert.deepEqual(chosen.configurations[0].fixed, [[test_, model]]);
+    assert.ok(chosen.fields.find((f) => f.field === field).chosen);
+    await again.close();
+  } else t.diagnostic("the command was not run: it or the study is not there");
+  rmSync(folder, { recursive: true });
 });
 
 /** The live model once it has checked its points and solved the update. */

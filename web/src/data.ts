@@ -12,6 +12,7 @@ export interface SceneData {
   stages: Stage[]; places: Packed | null; wire: Packed | null; test: Packed | null; test_imaginary: Packed | null;
   test_labels: string[]; test_freq_hz: number[]; test_only: boolean;
   parameters: string[]; slopes: number[][]; live: { vectors: Packed; weights: Packed } | null;
+  line_parts: Packed | null; face_parts: Packed | null; part_fields: string[][];
 }
 export interface Curve { look: string; freq_hz: Packed; real: Packed; imaginary: Packed; phase: boolean }
 export interface Functions { configuration: string; ordinate: string; titles: string[]; curves: Curve[]; note: string; section: string }
@@ -28,7 +29,8 @@ export interface History {
 }
 export interface Stabilisation {
   methods: string[]; method: Packed; order: Packed; freq_hz: Packed; damping_ratio: Packed; stable: Packed;
-  picked: { row: number; name: string; fit_only: boolean }[]; curve_hz: Packed; curve_db: Packed; band_hz: [number, number];
+  picked: { row: number; name: string; fit_only: boolean }[]; curve_hz: Packed; curve_db: Packed; words: string;
+  singular_db: Packed; power: Packed; derivatives: number; decay: number; functions: number; band_hz: [number, number];
   inputs: { path: string; sha256: string }[];
 }
 export interface LiveParameter {

@@ -112,6 +112,11 @@ class SceneView:
     """For each test mode the change of the frequency of its partner, in %, for 1 % of each of `parameters` at the
     initial values; empty where it was not compared."""
     live: LiveShapesView | None = None
+    line_parts: Packed | None = None
+    """(lines,) part of the structure that each line is of, and `face_parts` (faces,); None where it is not known."""
+    face_parts: Packed | None = None
+    part_fields: tuple[tuple[str, ...], ...] = ()
+    """For each part the fields of the deck that all its elements have, as `FieldChoiceView.field` names them."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +212,11 @@ class PickedView:
 class StabilisationView:
     """Poles (p,) from which a reader picks modes; `method` are positions in `methods`, `stable` is 0 or 1.
 
-    The curve behind them is over its own lines; `inputs` are the files that the poles are from.
+    The curve behind them is over its own lines, which `words` names; `singular_db` (s, lines) are singular values over
+    the same lines, `power` (lines,) the sum of the auto spectra of a record, 0 lines where functions were measured. A
+    synthesis is fitted to the functions of the page, the section "fit", which have `derivatives` (0 receptance, 1
+    mobility, 2 accelerance; −1 without functions) and decay faster than the poles by `decay` (1/s). `functions` are
+    all measured ones. `inputs` are the files that the poles are from.
     """
 
     methods: tuple[str, ...]
@@ -219,6 +228,12 @@ class StabilisationView:
     picked: tuple[PickedView, ...]
     curve_hz: Packed
     curve_db: Packed
+    words: str
+    singular_db: Packed
+    power: Packed
+    derivatives: int
+    decay: float
+    functions: int
     band_hz: tuple[float, float]
     inputs: tuple[InputView, ...]
 

@@ -36,7 +36,7 @@ from femtune.identification.refined import refined
 from femtune.identification.ssi import supported_order
 from femtune.modal.shape_criteria import mac
 from femtune.steps.identify.choices import picked_poles
-from femtune.steps.identify.identified import Curve, Found
+from femtune.steps.identify.identified import MOST_SINGULAR, Curve, Found
 from femtune.steps.identify.request import check_length
 from femtune.steps.identify.result import NothingFound
 from femtune.units import unit_system
@@ -211,8 +211,12 @@ def _refined(
 def _curve(ready: TimeSeries, asked: Operational) -> Curve:
     spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
     inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
-    level = 10.0 * np.log10(np.maximum(np.linalg.eigvalsh(spectra.values[inside])[:, -1], 1e-300))
-    return Curve(spectra.freq_hz[inside], level - level.max(), "first singular value of the spectra")
+    # those of a positive matrix are its eigenvalues
+    values = np.maximum(np.linalg.eigvalsh(spectra.values[inside])[:, ::-1], 1e-300)
+    levels = 10.0 * np.log10(values[:, :MOST_SINGULAR].T / values.max())
+    power = values.sum(axis=1)
+    words = "first singular value of the spectra"
+    return Curve(spectra.freq_hz[inside], levels[0], words, levels, power / power.max())
 
 
 def _phase_notices(found: OperationalModes, labels: list[str], step_s: float) -> tuple[Notice, ...]:

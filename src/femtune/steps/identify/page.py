@@ -276,6 +276,10 @@ def _view(made: IdentifyResult) -> PageView:
     return PageView(tuple(_scenes(made)), tuple(_functions(made)), stabilisation=_stabilisation(made))
 
 
+_SINGULAR_VALUES = 50_000
+"""Numbers of all singular values behind the diagram: the page must stay small enough to be sent."""
+
+
 def _stabilisation(made: IdentifyResult) -> StabilisationView | None:
     """The poles in the band to pick from, with those of the modes; None for several set-ups or fragments."""
     identified, table = made.found, made.found.table
@@ -289,6 +293,8 @@ def _stabilisation(made: IdentifyResult) -> StabilisationView | None:
     once = {c.at: PickedView(row[c.at], c.name, c.left) for c in reversed(ours) if c.at in row}
     picked = list(once.values())[::-1]
     methods = list(dict.fromkeys(table.method))
+    curve, measured = identified.curve, identified.measured
+    most = max(1, _SINGULAR_VALUES // max(1, len(curve.freq_hz)))
     return StabilisationView(
         tuple(methods),
         whole(np.array([methods.index(table.method[i]) for i in shown], np.int64)),
@@ -297,8 +303,14 @@ def _stabilisation(made: IdentifyResult) -> StabilisationView | None:
         single(table.damping_ratio[shown]),
         whole(identified.stable_poles()[shown].astype(np.int64)),
         tuple(picked),
-        single(identified.curve.freq_hz),
-        single(identified.curve.level_db),
+        single(curve.freq_hz),
+        single(curve.level_db),
+        curve.words,
+        single(curve.singular_db[:most]),
+        single(curve.power),
+        identified.derivatives,
+        identified.decay,
+        0 if measured is None else len(measured.responses) * len(measured.references),
         (low, high),
         tuple(InputView(one.path, one.sha256) for one in made.record.inputs),
     )

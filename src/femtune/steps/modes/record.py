@@ -21,6 +21,10 @@ class ModeShapes(Record):
     faces_key: str | None = None
     """Key of shells and the outer faces of solids, shape (faces, 4): rows of the points at their corners, −1 for the
     fourth of a triangle; None in older results without this field."""
+    line_elements_key: str | None = None
+    """Key of the element number of each line, shape (lines,), 0 for rigid elements; None in older results."""
+    face_elements_key: str | None = None
+    """Key of the element number of each face, shape (faces,); None in older results."""
     translations_key: str | None = None
     """Key of the motion of the points, shape (points, 3, modes), modes as in ModelModes.freq_hz; complex for complex
     modes."""

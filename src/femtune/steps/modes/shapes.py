@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from femtune.fem.elements import KINDS
 from femtune.selection import strain_shares
-from femtune.study.drawn_mesh import thinned, whole_mesh
+from femtune.study.drawn_mesh import elements_at, thinned, whole_mesh
 from femtune.study.record import ModelVersion
 
 if TYPE_CHECKING:
@@ -98,11 +98,14 @@ def complex_mode_shapes(
 
 def _geometry(configured: ConfiguredModel, mesh: DrawnMesh) -> Arrays:
     counted = mesh.counted_from(mesh.used)
+    lines, faces = elements_at(configured.model.structure, configured.configuration.elements_off, mesh)
     return {
         "points": configured.model.structure.nodes.xyz[mesh.used],
         "lines": counted.lines.astype(np.int32),
         "line_kinds": counted.kinds.astype(np.int8),
         "faces": counted.faces.astype(np.int32),
+        "line_elements": lines.astype(np.int32),
+        "face_elements": faces.astype(np.int32),
     }
 
 

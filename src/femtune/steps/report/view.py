@@ -147,6 +147,15 @@ class _Geometry:
             numbers[moved] = elements[middles.query(of.points[ends[moved]].mean(axis=1))[1]]
         return numbers
 
+    @property
+    def face_rows(self) -> NDArray[np.int64]:
+        """The face of the results that each face is; where the mesh was thinned, the one with the nearest middle."""
+        ends, of = np.where(self.mesh.faces < 0, -1, self.rows[self.mesh.faces]), self.frame
+        if np.array_equal(ends, of.faces):
+            return np.arange(len(ends))
+        middles = cKDTree(of.points[closed(of.faces)].mean(axis=1))
+        return np.asarray(middles.query(of.points[closed(ends)].mean(axis=1))[1])
+
 
 def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneView | None:
     shapes = [m.shapes for m in kept]
@@ -170,8 +179,27 @@ def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneVie
         rigid=whole(mesh.lines[mesh.kinds != 0]),
         stages=tuple(stages),
         live=_live_shapes(source, shapes[-1].configuration, geometry, len(frame.points)),
+        **_structure_parts(source, shapes[0], geometry),
         **test,
     )
+
+
+def _structure_parts(source: ReportSource, kept: ModeShapes, geometry: _Geometry) -> dict[str, Any]:
+    """Parts of lines and faces: the elements that have the same fields; {} where elements or fields are not known."""
+    of_lines, of_faces = source.array(kept.line_elements_key), source.array(kept.face_elements_key)
+    fields = [f for f in (source.results.model.fields if source.results.model else ()) if f.elements]
+    if of_lines is None or of_faces is None or not fields:
+        return {}
+    lines, faces = of_lines[geometry.lines], of_faces[geometry.face_rows]
+    numbers, which = np.unique(np.concatenate([lines, faces]), return_inverse=True)
+    spans = [np.array(f.elements) for f in fields]
+    has = np.array([((numbers[:, None] >= s[:, 0]) & (numbers[:, None] <= s[:, 1])).any(axis=1) for s in spans])
+    parts, part = np.unique(has.T, axis=0, return_inverse=True)
+    of = part.ravel()[which.ravel()]
+    return {
+        "line_parts": whole(of[: len(lines)]), "face_parts": whole(of[len(lines) :]),
+        "part_fields": tuple(tuple(f.field for f, there in zip(fields, one) if there) for one in parts),
+    }  # fmt: skip
 
 
 def _live_shapes(source: ReportSource, name: str, geometry: _Geometry, points: int) -> LiveShapesView | None:
