@@ -15,6 +15,7 @@ _OWN = {
     "start of SLEPc": ("model/distributed/launch.py", "model/distributed/processes.py", "model/distributed/watch.py"),
     "runs of external solvers": ("runs/*.py",),
     "XLSX files of the report": ("../../web/src/xlsx.ts",),
+    "MDF files of version 4": ("files/records/mdf.py",),
     "packages that load a module": ("_lazy.py",),
     "check of arguments": ("arguments.py",),
 }

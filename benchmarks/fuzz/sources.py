@@ -363,6 +363,9 @@ def all_kinds() -> dict[str, Kind]:
             lambda p: read_record(p, (), None), partial(judge_record, _wave)),
         "headings": _of_tests("records", "headings and dates", nothing, 2),
         "labview": _of_tests("records", "labview text", nothing, 2),
+        "labview segments": _of_tests("records", "labview segments", nothing, 2),
+        "MDF": _of_tests("records", "mdf", nothing, 2),
+        "packed MDF": _of_tests("records", "packed mdf", nothing, 2),
         "text": _of_tests("records", "record", nothing, 2),
         "unit labels": _of_tests("UFF", "functions with unit labels", nothing, 2),
         "binary": _of_tests("UFF", "binary functions", nothing, 2),
@@ -377,7 +380,7 @@ def all_kinds() -> dict[str, Kind]:
     }  # fmt: skip
     if importlib.util.find_spec("nptdms") is not None:
         kinds["TDMS"] = Kind(
-            "records", {"a.tdms": _written(_tdms, "a.tdms")}, lambda p: read_record(p, (), None), nothing
+            "records", {"a.tdms": _written(_tdms, "a.tdms")}, lambda p: read_record(p, (), None), nothing, 2
         )
     return {n: k if k.deck else replace(k, share=3 * k.share) for n, k in reversed(kinds.items())}
 

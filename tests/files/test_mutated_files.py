@@ -170,6 +170,11 @@ KINDS: dict[str, tuple[str, Callable[[], bytes], Callable[[Path], object], Calla
     ),
     "headings and dates": ("a.csv", lambda: STAMPED, read_record, _nothing),
     "labview text": ("a.lvm", lambda: laboratory.lvm().encode(), read_record, _nothing),
+    "labview segments": (
+        "a.lvm", (laboratory.GENERAL + laboratory.SEGMENTS).encode, read_record, _nothing,
+    ),
+    "mdf": ("a.mf4", laboratory.blocks_of_mdf, read_record, _nothing),
+    "packed mdf": ("a.mf4", lambda: laboratory.blocks_of_mdf(data="HL"), read_record, _nothing),
     "sound": ("a.wav", _sound, read_record, _nothing),
     "functions with unit labels": ("a.uff", lambda: LABELLED, _universal, _nothing),
     "modes of data set 2414": ("a.uff", lambda: MODES_2414, _universal, _nothing),

@@ -52,6 +52,16 @@ def test_deviation_of_the_mean_comes_from_the_fragments():
     assert found.by_method["b"] - found.by_method["a"] == pytest.approx([0.001] * 3)
 
 
+def test_longer_fragments_count_more():
+    """Means, and their deviations, of two fragments with weights 3 and 1 are those by hand."""
+    at = [
+        Estimate("a", i, ModeSet(np.array([f]), SHAPES[:, :1], DOFS), w) for i, f, w in ((0, 3.0, 3.0), (1, 3.04, 1.0))
+    ]
+    found = combine(at)
+    assert found.modes.freq_hz == pytest.approx([3.01])
+    assert found.modes.freq_sd_hz == pytest.approx([np.sqrt((3.0 * 0.01**2 + 0.03**2) / 4.0)])
+
+
 def test_one_fragment_gives_no_deviation():
     assert np.isnan(combine(estimates(1, 0.0)).modes.freq_sd_hz).all()
 

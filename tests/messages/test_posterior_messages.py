@@ -18,7 +18,7 @@ from femtune.sampling import ChainRules, Known, Likelihood, NormalBox, Sampler, 
 from femtune.status import Status
 from femtune.steps.posterior.facts import limits_of
 from femtune.steps.posterior.problem import solving_of
-from femtune.steps.posterior.record import OtherRegion, PosteriorNoise, PosteriorResults
+from femtune.steps.posterior.record import OtherRegion, PosteriorFrequency, PosteriorNoise, PosteriorResults
 from femtune.steps.posterior.run import check_posterior, posterior_at
 from femtune.study.progress import silent
 
@@ -67,13 +67,17 @@ def test_a_model_that_cannot_be_solved_at_the_samples() -> None:
 
 def test_what_limits_samples_is_told() -> None:
     noise = PosteriorNoise(residuals="mass", count=1.0, factor=1.0, interval_95=None)
+    missed = PosteriorFrequency(
+        configuration="free", mode=9, value_hz=41.0, median_hz=41.0, interval_95=(40.6, 41.4), test_mode="3",
+        measured_hz=42.3, measured_inside=False,
+    )  # fmt: skip
     region = OtherRegion(values=(1.25, 0.8), log_likelihood_difference=-0.1, starts=2)
     fine: dict[str, Any] = {
         "noise": "by-kind", "others": (), "free": ("left", "right"), "paired_anew_percent": 0.0, "r_hat": 1.004,
         "surrogate_error": 0.2, "effective": 900.0, "draws": 1000, "failed": 0, "gradient_solutions": 60,
         "plain_solutions": 1200,
         "full_model_error": None, "left_out": (), "noise_levels": (),
-        "changes_not_settled": "",
+        "changes_not_settled": "", "frequencies": (), "predictions": 200, "predictions_failed": 0,
     }  # fmt: skip
     assert not list(limits_of(PosteriorResults.model_construct(**fine)))
     limits = {
@@ -81,6 +85,7 @@ def test_what_limits_samples_is_told() -> None:
         "slow-chains": {"r_hat": 1.042}, "few-effective": {"effective": 180.0}, "rough": {"surrogate_error": 2.3},
         "failed": {"failed": 40},
         "reduced-model": {"full_model_error": 0.9}, "left-out": {"left_out": ("MAC: its errors are squares",)},
+        "prediction-missed": {"frequencies": (missed, missed)}, "predictions-failed": {"predictions_failed": 12},
         "noise-as-stated": {"noise_levels": (noise,)},
         "changes-not-settled": {
             "changes_not_settled": "the changes that the data want still moved after 8 linearisations"

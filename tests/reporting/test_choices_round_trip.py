@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 import tomllib
 from pathlib import Path
 
@@ -51,7 +52,13 @@ def study(tmp_path: Path) -> Path:
 
 def _chosen(report: Path, profile: Path) -> str:
     """The file after choices by mouse and keyboard."""
+    ready = "!document.querySelector('#live') || !!document.querySelector('.livemodel[data-solved], #live .alert')"
     with opened(report, profile) as page:
+        # what comes late moves what is below it
+        for _ in range(100):
+            if page.value(ready):
+                break
+            time.sleep(0.1)
         cells = page.value("document.querySelectorAll('.chooser table.mac tbody tr')[0].cells.length - 1")
         page.click(".chooser table.mac button", 0)
         # test mode 3 with model mode 3, twice by the keyboard: never a pair
@@ -62,9 +69,17 @@ def _chosen(report: Path, profile: Path) -> str:
         page.click(".chooser .omitted input[type=checkbox]", 3)
         page.write("a doubtful mode")
         page.click(".chooser .boxes input", 3)
-        fields = page.value("[...document.querySelectorAll('.chooser .boxes.wide span')].map((s) => s.textContent)")
+        # half of the bar has the second property: a click on the picture, there or in the list of parts
+        page.value("document.querySelector('.chooser .parts select').focus()")
+        page.press("ArrowDown")
+        parts = page.value("document.querySelector('.chooser .parts select').options.length")
+        for _ in range(parts):
+            fields = page.value("[...document.querySelectorAll('.chooser .of-part span')].map((s) => s.textContent)")
+            if any(text.startswith("PBAR 2 I1 ") for text in fields):
+                break
+            page.press("ArrowDown")
         (tip,) = (i for i, text in enumerate(fields) if text.startswith("PBAR 2 I1 "))
-        page.value(f"document.querySelectorAll('.chooser .boxes.wide input')[{tip}].focus()")
+        page.value(f"document.querySelectorAll('.chooser .of-part input')[{tip}].focus()")
         page.press(" ")
         text = page.value("document.querySelector('.chooser textarea').value")
     assert isinstance(text, str)

@@ -91,6 +91,22 @@ def test_the_choice_of_the_page_gives_the_same_modes(made, kind):
     assert picked(of_page(folder / "again")) == picked(view)
 
 
+def test_behind_the_diagram_are_singular_values_and_what_a_synthesis_is_fitted_to(made):
+    _, ambient, forced = made
+    for found, derivatives, functions in ((ambient, -1, 0), (forced, 2, 3)):
+        view = of_page(found.folder)
+        singular, curve = unpacked(view["singular_db"]), unpacked(view["curve_db"])
+        assert (view["derivatives"], view["functions"], view["decay"]) == (derivatives, functions, 0.0)
+        assert (np.diff(singular, axis=0) <= 1e-4).all()
+        # the first one is nearly all of what there is
+        assert (singular[0] <= curve + 1e-4).all()
+        assert np.abs(singular[0] - curve).max() < 3.0
+    power = unpacked(of_page(ambient.folder)["power"])
+    level = 10.0 ** (0.1 * unpacked(of_page(ambient.folder)["singular_db"]))
+    np.testing.assert_allclose(power, level.sum(axis=0) / level.sum(axis=0).max(), rtol=1e-5)
+    assert not unpacked(of_page(forced.folder)["power"]).size
+
+
 def test_a_pole_that_became_two_modes_is_picked_once_and_becomes_two_again(tmp_path):
     rng, freq, count = np.random.default_rng(5), np.array([2.1, 5.3, 5.315]), 14000
     shapes, out = rng.uniform(0.3, 1.0, (3, 3)) * rng.choice((-1.0, 1.0), (3, 3)), np.zeros((3, count))

@@ -394,6 +394,12 @@ def test_functions_are_identified_first(tmp_path: Path, scatter: float) -> None:
     ]
     assert tomllib.loads(made.path.read_text())["test"]["file"] == "identified/modes.uff"
     assert made.record.paired == made.record.test_modes >= 3
+    alerts = json.loads((tmp_path / "new" / "identified" / "identified.json").read_text())["alerts"]
+    told = [f"identification: {alert['sentence']}" for alert in alerts if alert["level"] != "info"]
+    assert told
+    assert [*made.record.doubts[: len(told)]] == told
+    written = " ".join(line.removeprefix("#").strip() for line in made.path.read_text().splitlines())
+    assert all(doubt in written for doubt in told)
     assert ft.check(made.path).ok
 
 

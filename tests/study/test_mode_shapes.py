@@ -18,7 +18,17 @@ from femtune.selection import energy_map
 from femtune.steps.modes import shapes as record_shapes
 from femtune.steps.modes.shapes import grid_translations
 from femtune.steps.run.result import RunResult
-from femtune.study.drawn_mesh import ELEMENT, RIGID, DrawnMesh, active_faces, active_lines, mesh_beside, thinned
+from femtune.study.drawn_mesh import (
+    ELEMENT,
+    RIGID,
+    DrawnMesh,
+    active_faces,
+    active_lines,
+    elements_at,
+    mesh_beside,
+    thinned,
+    whole_mesh,
+)
 from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 # a portal: two columns, a rigid floor from grid 5 to their tops, a spring of no length, a mass without lines
@@ -191,3 +201,20 @@ def test_shells_with_mid_side_grid_points_have_faces_between_these() -> None:
             x, y = xyz[face[face >= 0], :2].T
             area += 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
         assert area == pytest.approx(2.0)
+
+
+def test_each_line_and_face_knows_its_element(tmp_path: Path) -> None:
+    mesh = shell_mesh(rectangle(0.4, 0.3), 4, 3, distort=0.2)
+    structure = shell_structure(mesh.xyz, [ShellPart(mesh.cells, Section(Isotropic(7e10, 0.3, 2700.0), 0.004))])
+    drawn = whole_mesh(structure)
+    lines, faces = elements_at(structure, (), drawn)
+    assert not len(lines)
+    (batch,) = [b for b in structure.batches if len(b.nodes)]
+    found = {int(n): set(face[face >= 0]) for n, face in zip(faces, drawn.faces)}
+    assert found == {int(n): set(nodes.tolist()) for n, nodes in zip(batch.ids, batch.nodes)}
+    portal = _portal(tmp_path).model.structure
+    lines, faces = elements_at(portal, (), whole_mesh(portal))
+    assert sorted(lines.tolist()) == [0, 0, 1, 2]
+    # of those that are on, the nearest; 0 where there are none
+    assert set(elements_at(portal, (1,), whole_mesh(portal))[0]) == {0, 2}
+    assert not elements_at(portal, (1, 2), whole_mesh(portal))[0].any()

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.reporting.packed import unpacked as numbers_of
 
 import femtune as ft
+from femtune.document.page_view import Packed
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.testing import example_deck, example_test
 
@@ -94,6 +98,24 @@ def test_a_key_of_the_study_does_the_same(beam: Path) -> None:
     _choices(beam.parent, NEVER)
     beam.write_text(beam.read_text().replace("[study]\n", '[study]\nchoices = "choices.toml"\n'), encoding="utf-8")
     assert [p.test_label for p in ft.correlate(beam).records[0].pairs] == ["1", "2", "4"]
+
+
+def test_parts_of_the_picture_name_the_fields_of_their_elements(beam: Path, tmp_path: Path) -> None:
+    done = ft.run(beam, output=tmp_path / "run")
+    text = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    view = json.loads(re.search(r'id="view">(.*?)</script>', text, re.S)[1])  # type: ignore[index]
+    (scene,) = view["scenes"]
+    points, lines, part = (numbers_of(Packed(**scene[k])) for k in ("points", "lines", "line_parts"))
+    middles = points[lines.astype(int)].mean(axis=1)[:, 0]
+    # elements 1 and 2 have property 1, 3 and 4 property 2
+    for x, k in zip(middles, part.astype(int)):
+        own, other = ("1", "2") if x < middles.mean() else ("2", "1")
+        assert f"PBAR {own} I1" in scene["part_fields"][k]
+        assert f"PBAR {other} I1" not in scene["part_fields"][k]
+        assert "MAT1 1 E" in scene["part_fields"][k]
+    assert {f["field"] for f in view["choices"]["fields"]} >= set().union(*scene["part_fields"])
+    spans = {f.field: f.elements for f in done.results.model.fields}
+    assert (spans["PBAR 1 I1"], spans["PBAR 2 I1"], spans["MAT1 1 E"]) == (((1, 2),), ((3, 4),), ((1, 4),))
 
 
 def test_a_choice_replaces_the_entry_of_the_study(beam: Path) -> None:

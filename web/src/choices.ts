@@ -1,8 +1,9 @@
 // Pairs, modes, sensors and parameters that a reader chooses, saved as choices.toml for femtune run, correlate and init.
 
-import { unpack, type Choices, type FieldChoice, type ModeChoices } from "./data.ts";
+import { unpack, type Choices, type FieldChoice, type ModeChoices, type SceneData } from "./data.ts";
 import { choice, h, hertz, save, shown } from "./dom.ts";
 import { MatrixGrid, type MatrixCell } from "./matrix.ts";
+import { partName, PartsPicture } from "./parts.ts";
 import { quoted } from "./stabilisation.ts";
 
 /** What is chosen in a configuration: model modes and reasons by label of the test mode, pairs as "label|number". */
@@ -63,25 +64,31 @@ export class Chooser {
   private readonly configuration;
   private chosen: Chosen[];
   private parameters: Set<string>;
+  private readonly list = h("div", { class: "boxes wide" });
+  private readonly ofPart = h("div", { class: "of-part", role: "group", "aria-label": "Fields of the part", "aria-live": "polite" });
+  private readonly scene: SceneData | undefined;
+  private picture: PartsPicture | null = null;
 
-  constructor(private readonly data: Choices) {
+  constructor(private readonly data: Choices, scenes: SceneData[] = []) {
     this.chosen = data.configurations.map(begun);
     this.parameters = new Set(data.fields.filter((f) => f.chosen).map((f) => f.field));
     this.configuration = choice("Configuration", data.configurations.map((c) => c.configuration), () => this.fill());
     const button = (words: string, act: () => void) => h("button", { type: "button", click: act }, words);
-    const fields = h("div", { class: "boxes wide" });
-    this.fillFields(fields);
+    this.scene = scenes.find((s) => s.line_parts && s.face_parts);
+    if (this.scene && data.fields.length) this.picture = new PartsPicture(this.scene, (part) => this.of(part).some((f) => this.parameters.has(f.field)), () => this.fillFields());
+    this.fillFields();
     const begin = () => {
       this.chosen = data.configurations.map(begun);
       this.parameters = new Set(data.fields.filter((f) => f.chosen).map((f) => f.field));
       this.fill();
-      this.fillFields(fields);
+      this.fillFields();
       this.told.textContent = "The choices are those of the study.";
     };
     this.element = h("div", { class: "chooser", role: "group", "aria-label": "Choices by hand" },
       h("p", { class: "note" }, "Choices go into a file that femtune run, femtune correlate and femtune init take with --choices. They are refused if the deck or a test has changed since, or the model mode of a pair. A pair, a mode or a sensor that the study file itself states and that is taken back here is not in the file: delete it in the study."),
       h("div", { class: "controls" }, this.configuration.label), this.modes,
-      ...(data.fields.length ? [h("fieldset", {}, h("legend", {}, "Parameters: fields of the deck"), h("p", { class: "note" }, "A parameter that stands in the study itself stays one."), fields)] : []),
+      ...(data.fields.length ? [h("fieldset", {}, h("legend", {}, "Parameters: fields of the deck"), h("p", { class: "note" }, `${this.picture ? "A click on a part of the structure shows its fields; parts with a parameter are orange. " : ""}A parameter that stands in the study itself stays one.`),
+        ...(this.picture ? [h("div", { class: "by-part" }, this.picture.element, this.ofPart), h("details", {}, h("summary", {}, `All ${data.fields.length} fields`), this.list)] : [this.list]))] : []),
       h("div", { class: "tools" }, button("Save choices.toml", () => save("choices.toml", new Blob([this.text.value], { type: "application/toml" }))),
         button("Copy", () => void this.copy()), button("As in the study", begin)),
       this.told, this.text);
@@ -149,11 +156,36 @@ export class Chooser {
     return [box, reason];
   }
 
-  private fillFields(into: HTMLElement): void {
-    into.replaceChildren(...this.data.fields.map((f) => this.box(`${f.field} = ${shown(f.value)}, ${f.what}`, this.parameters.has(f.field), (on) => {
+  /** The fields of a part of the picture. */
+  private of(part: number): FieldChoice[] {
+    const names = new Set(this.scene?.part_fields[part] ?? []);
+    return this.data.fields.filter((f) => names.has(f.field)).sort((a, b) => Number(a.field.startsWith("MAT")) - Number(b.field.startsWith("MAT")));
+  }
+
+  /** The list of all fields, and that of the part which is chosen. */
+  private fillFields(): void {
+    const shownPart = this.picture?.part ?? -1;
+    this.list.replaceChildren(...this.data.fields.map((f) => this.fieldBox(f, () => this.fillPart(shownPart))));
+    this.fillPart(shownPart);
+    this.picture?.draw();
+  }
+
+  private fillPart(part: number): void {
+    const fields = this.of(part);
+    this.ofPart.replaceChildren(...(fields.length
+      ? [h("p", { class: "shown" }, partName(this.scene!.part_fields[part])), ...fields.map((f) => this.fieldBox(f, () => this.fillList()))]
+      : [h("p", { class: "note" }, "No part is chosen.")]));
+  }
+
+  private fillList(): void { this.list.replaceChildren(...this.data.fields.map((f) => this.fieldBox(f, () => this.fillPart(this.picture?.part ?? -1)))); }
+
+  private fieldBox(f: FieldChoice, after: () => void): HTMLLabelElement {
+    return this.box(`${f.field} = ${shown(f.value)}, ${f.what}`, this.parameters.has(f.field), (on) => {
       if (on) this.parameters.add(f.field); else this.parameters.delete(f.field);
       this.changed(`${f.field}: ${on ? "a parameter" : "no parameter of the choices"}.`);
-    })));
+      after();
+      this.picture?.draw();
+    });
   }
 
   private box(text: string, checked: boolean, change: (on: boolean) => void): HTMLLabelElement {

@@ -39,6 +39,6 @@ for (const section of new Set(view?.functions.map((f) => f.section))) {
   const plots = own.flatMap((f) => [...(own.length > 1 ? [h("h3", {}, f.configuration)] : []), new FunctionPlot(fixed(f)).element]);
   atHead(section === "responses" ? ["responses", "frequency_responses"] : [section], h("h3", {}, "Look closer"), ...plots);
 }
-if (view?.stabilisation) atHead(["poles"], h("h3", {}, "Pick poles"), new StabilisationPlot(view.stabilisation).element);
-if (view?.choices) atHead(["mac", "compared"], h("h3", {}, "Choose by hand"), new Chooser(view.choices).element);
+if (view?.stabilisation) atHead(["poles"], h("h3", {}, "Pick poles"), new StabilisationPlot(view.stabilisation, view.functions.find((f) => f.section === "fit")).element);
+if (view?.choices) atHead(["mac", "compared"], h("h3", {}, "Choose by hand"), new Chooser(view.choices, view.scenes).element);
 if (view?.history) atHead(["convergence"], new Iterations(view.history).element);

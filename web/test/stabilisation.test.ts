@@ -7,7 +7,7 @@ const pack = (numbers: number[]): Packed =>
   ({ type: "f4", shape: [numbers.length], data: Buffer.from(Float32Array.from(numbers).buffer).toString("base64"), scale: [], offset: [] });
 const data: Stabilisation = {
   methods: ["N4SID", "pLSCF"], method: pack([0, 1, 0]), order: pack([4, 6, 8]), freq_hz: pack([3, 7.25, 12]), damping_ratio: pack([0.01, 0.5, -0.25]), stable: pack([1, 0, 1]),
-  picked: [], curve_hz: pack([]), curve_db: pack([]), band_hz: [1, 20], inputs: [{ path: "a.csv", sha256: "0f" }],
+  picked: [], curve_hz: pack([]), curve_db: pack([]), words: "all functions together", singular_db: pack([]), power: pack([]), derivatives: -1, decay: 0, functions: 0, band_hz: [1, 20], inputs: [{ path: "a.csv", sha256: "0f" }],
 };
 
 test("the file has the inputs, and method, order, frequency and damping of each picked pole", () => {

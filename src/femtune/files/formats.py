@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from femtune.files.matrices.read_matrix import ReadMatrix
     from femtune.files.modes.solved import SolvedModes
     from femtune.files.records.arrays import NamedArrays
+    from femtune.files.records.clocks import ClockGroup
     from femtune.files.records.table import RecordTable
 
 
@@ -251,19 +252,25 @@ MODES_FORMATS = Formats(
 
 @dataclass(frozen=True, kw_only=True)
 class RecordFormat(FileFormat):
-    """A format of records; its reader returns a table of columns, or opens the arrays of the file.
+    """A format of records; its reader returns a table of columns, groups of channels, or opens the arrays of the file.
 
     Parameters
     ----------
-    has : "columns" of a text, "arrays" with names, or "channels": time records that say what they are
+    has : "columns" of a text, "arrays" with names, "channels": time records that say what they are, or "groups" of
+        these with a clock of their own
     """
 
-    has: Literal["columns", "arrays", "channels"]
+    has: Literal["columns", "arrays", "channels", "groups"]
 
     def read_table(self, path: Path) -> RecordTable:
         """The columns or channels of a file."""
         table: RecordTable = self.reader_function(path)
         return table
+
+    def read_groups(self, path: Path) -> list[ClockGroup]:
+        """The groups of channels of a file."""
+        groups: list[ClockGroup] = self.reader_function(path)
+        return groups
 
     def open_arrays(self, path: Path) -> AbstractContextManager[NamedArrays]:
         """All arrays of a file by name, fields of structures with dots; those of HDF5 are read when they are used."""
@@ -317,17 +324,26 @@ RECORD_FORMATS = Formats(
         key="lvm",
         suffixes=(".lvm",),
         written_by="LabVIEW: measurement files as text",
-        content="channels with their names, units and time step; one segment",
+        content="channels with their names, units and times, in one or several segments",
         reader="records.lvm.read_lvm",
-        has="channels",
+        has="groups",
     ),
     RecordFormat(
         key="tdms",
         suffixes=(".tdms",),
-        written_by="LabVIEW, FlexLogger: needs the library npTDMS (`pip install npTDMS`)",
-        content="channels of one length and time step, with their names and units",
-        reader="records.lvm.read_tdms",
-        has="channels",
+        written_by="LabVIEW, FlexLogger",
+        content="channels with their names, units and time step; `variable` names one of several groups",
+        reader="records.tdms.read_tdms",
+        extra="tdms",
+        has="groups",
+    ),
+    RecordFormat(
+        key="mdf",
+        suffixes=(".mf4", ".mdf"),
+        written_by="data loggers and test systems: ASAM MDF of version 4",
+        content="channels with their names, units and times; `variable` names one of several groups",
+        reader="records.mdf.read_mdf",
+        has="groups",
     ),
     RecordFormat(
         key="uff",

@@ -26,7 +26,15 @@ from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.report import ReportTable
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
-from femtune.identification.kinds import KNOWN_INPUT, OF_SPECTRA, OUTPUT_ONLY, FrfEstimator, MethodWord, SpectraWindow
+from femtune.identification.kinds import (
+    KNOWN_INPUT,
+    OF_SPECTRA,
+    OUTPUT_ONLY,
+    FrfEstimator,
+    GapWay,
+    MethodWord,
+    SpectraWindow,
+)
 from femtune.modal.kinds import FrfKind, Quantity, Role
 
 # ----------------------------------------------------------------------------------------------------
@@ -48,8 +56,8 @@ class IdentifyTable(TomlTable):
     """Title of the report. Default: the name of the file. Example: `"Building, state BC"`"""
     record: RecordName | Annotated[tuple[RecordName, ...], Field(min_length=1)] | None = None
     """Time histories: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5 (`pip install "femtune[hdf5]"`), WAV, LVM,
-    TDMS (`pip install npTDMS`). With measured forces also several records of the same channels, such as the hits of a
-    hammer. Example: `"bc.csv"`"""
+    TDMS (`pip install "femtune[tdms]"`), MDF. With measured forces also several records of the same channels, such as
+    the hits of a hammer. Example: `"bc.csv"`"""
     frfs: FrfsName | tuple[FrfsName, ...] | None = None
     """Instead of `record`: measured FRFs (motion over force): UFF 58, ASCII or binary, one or several files of one
     test; or arrays and tables with [`[functions]`](#functions): .mat, .npy, .npz, HDF5, CSV and other text. Example:
@@ -70,10 +78,11 @@ class IdentifyTable(TomlTable):
     units: Units = "m-kg-s"
     """Units of length, mass and time, if a Universal File does not state them. Example: `"mm-t-s"`"""
     format: RecordFormatKey | None = None
-    """Format of the record: `"text"`, `"numpy"`, `"matlab"`, `"hdf5"`, `"wav"`, `"lvm"`, `"tdms"` or `"uff"`. Default:
-    from the extension. Example: `"text"`"""
+    """Format of the record: `"text"`, `"numpy"`, `"matlab"`, `"hdf5"`, `"wav"`, `"lvm"`, `"tdms"`, `"mdf"` or `"uff"`.
+    Default: from the extension. Example: `"text"`"""
     variable: Text | None = None
-    """Name of the array in a file with several arrays. Example: `"acc"`"""
+    """Name of the array in a file with several arrays, or of the group of channels in a file of a logger. Example:
+    `"acc"`"""
     sampling_hz: Rate | None = None
     """Sampling frequency, if the file does not state it; if it does, both values must agree. Example: `200.0`"""
     band_hz: tuple[Hertz, Hertz] | None = None
@@ -105,6 +114,10 @@ class IdentifyTable(TomlTable):
     fragments: Annotated[int, Field(ge=1, le=1000)] = 1
     """Number of fragments into which the record is divided; each method is applied to each fragment, and the result is
     their mean, with standard deviations. Example: `4`"""
+    gaps: GapWay | None = None
+    """What to do with a [record in which samples are missing](guide/identify.md#gaps): `"parts"`: it is cut at the
+    gaps, and its parts are used as records of their own, except those shorter than a quarter of the longest one;
+    `"longest"`: only the longest part is used. Default: gaps are an error. Example: `"parts"`"""
     real: bool = True
     """Real shapes; `false`: complex shapes, for FRFs. Example: `false`"""
     take_hz: tuple[Positive, ...] = ()

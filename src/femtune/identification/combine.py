@@ -22,16 +22,22 @@ from femtune.modal.shape_criteria import mac
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Modes of one method from one fragment, with real shapes at the same DOFs as all others."""
+    """Modes of one method from one fragment, with real shapes at the same DOFs as all others.
+
+    Parameters
+    ----------
+    weight : of the fragment in means: its length, if fragments differ in it
+    """
 
     method: str
     fragment: int
     modes: ModeSet
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class CombinedModes:
-    """Means over estimates.
+    """Means over estimates, weighted by the lengths of their fragments.
 
     Parameters
     ----------
@@ -90,6 +96,11 @@ class _ModePool:
     shapes: Reals
     source: NDArray[np.int64]
 
+    @property
+    def weights(self) -> Reals:
+        """Of all modes, those of their fragments."""
+        return np.array([one.weight for one in self.estimates])[self.source]
+
     @staticmethod
     def of(estimates: Sequence[Estimate]) -> _ModePool:
         sets = [e.modes for e in estimates]
@@ -100,7 +111,7 @@ class _ModePool:
         return _ModePool(estimates, np.concatenate([s.freq_hz for s in sets]), np.concatenate([*unknown]), unit, source)
 
     def mean_hz(self, group: NDArray[np.int64]) -> float:
-        return float(self.freq_hz[group].mean())
+        return _mean(self.freq_hz[group], self.weights[group])
 
     def groups(self, gap: float, least_mac: float) -> list[NDArray[np.int64]]:
         """Positions of the members of each group, at most one of each estimate: that nearest to the middle."""
@@ -120,14 +131,14 @@ class _ModePool:
 
     def combined(self, groups: list[NDArray[np.int64]], dropped: tuple[tuple[float, int], ...]) -> CombinedModes:
         aligned = [_aligned(self.shapes[:, g]) for g in groups]
-        shapes = np.stack([a.mean(axis=1) for a in aligned], axis=1)
+        shapes = np.stack([np.average(a, axis=1, weights=self.weights[g]) for a, g in zip(aligned, groups)], axis=1)
         length = np.linalg.norm(shapes, axis=0)
         sd = np.stack([self._sd_of_mean(a, g) for a, g in zip(aligned, groups)], axis=1)
         modes = ModeSet(
             np.array([self.mean_hz(g) for g in groups]),
             shapes / length,
             self.estimates[0].modes.dofs,
-            damping_ratio=np.array([_mean(self.damping[g]) for g in groups]),
+            damping_ratio=np.array([_mean(self.damping[g], self.weights[g]) for g in groups]),
             normalisation="unit-norm",
             freq_sd_hz=np.array([self._sd_of_mean(self.freq_hz[g], g) for g in groups]),
             shapes_sd=sd / length,
@@ -142,17 +153,20 @@ class _ModePool:
     def _by_method(self, groups: list[NDArray[np.int64]]) -> dict[str, Reals]:
         methods = [e.method for e in self.estimates]
         of = np.array(methods)[self.source]
-        return {m: np.array([_mean(self.freq_hz[g[of[g] == m]]) for g in groups]) for m in dict.fromkeys(methods)}
+        own = {m: [g[of[g] == m] for g in groups] for m in dict.fromkeys(methods)}
+        return {m: np.array([_mean(self.freq_hz[g], self.weights[g]) for g in some]) for m, some in own.items()}
 
     def _sd_of_mean(self, values: Reals, group: NDArray[np.int64]) -> Reals:
-        """Standard errors of means of values (…, members) over fragments."""
+        """Standard errors of means of values (…, members) over fragments, whose variances go with 1/length."""
         fragment = np.array([self.estimates[i].fragment for i in self.source[group]])
         known = ~np.isnan(values).any(axis=tuple(range(values.ndim - 1)))
         numbers = np.unique(fragment[known])
         if len(numbers) < 2:
             return np.full(values.shape[:-1], np.nan)
         means = np.stack([values[..., known & (fragment == n)].mean(axis=-1) for n in numbers], axis=-1)
-        return np.asarray(means.std(axis=-1, ddof=1) / np.sqrt(len(numbers)))
+        weights = np.array([self.weights[group][fragment == n][0] for n in numbers])
+        away = means - np.average(means, axis=-1, weights=weights)[..., None]
+        return np.asarray(np.sqrt((weights * away**2).sum(axis=-1) / (weights.sum() * (len(numbers) - 1))))
 
 
 def _aligned(shapes: Reals) -> Reals:
@@ -165,9 +179,9 @@ def _aligned(shapes: Reals) -> Reals:
     return np.asarray(turned * (1.0 if turned[top, leader] > 0.0 else -1.0))
 
 
-def _mean(values: Reals) -> float:
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if len(known) else float("nan")
+def _mean(values: Reals, weights: Reals) -> float:
+    known = ~np.isnan(values)
+    return float(np.average(values[known], weights=weights[known])) if known.any() else float("nan")
 
 
 def _sd(values: Reals) -> Reals:

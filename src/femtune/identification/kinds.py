@@ -40,6 +40,10 @@ FRF_ESTIMATORS = Kinds(
 )
 """Estimators of FRFs from averaged spectra."""
 
+GapWay = Literal["parts", "longest"]
+"""What is done with a record in which samples are missing: its parts between the gaps are records of their own, or only
+the longest one is used."""
+
 ChannelRule = Literal["coherence", "noise", "fit"]
 """Channels of measured FRFs are judged by their mean coherence, by their relative noise, or by how well an identified
 system fits them."""

@@ -35,6 +35,7 @@ VTU_FILE = "shapes.vtu"
 STARTS_FILE = "starts.jsonl"
 BOOTSTRAP_FILE = "bootstrap.jsonl"
 POSTERIOR_FILE = "posterior.jsonl"
+PREDICTIONS_FILE = "predictions.jsonl"
 SAMPLES_FILE = "samples.jsonl"
 CANDIDATES_FILE = "candidates.jsonl"
 JOURNAL_FOLDER = "journal"
@@ -130,6 +131,7 @@ RUN_FILES = (
     RunFile(STARTS_FILE, UPDATES, Role.RESUME),
     RunFile(BOOTSTRAP_FILE, UPDATES, Role.RESUME),
     RunFile(POSTERIOR_FILE, UPDATES, Role.RESUME),
+    RunFile(PREDICTIONS_FILE, UPDATES, Role.RESUME),
     RunFile(SAMPLES_FILE, UPDATES, Role.RESUME),
     RunFile(CANDIDATES_FILE, ("candidates",), Role.RESUME),
     RunFile(JOURNAL_FOLDER, HOLDING, Role.RESUME, folder=True),

@@ -23,7 +23,7 @@ STEP_TOLERANCE = 1e-3
 
 A timing error of a thousandth of a step is a phase error of 0.2 degrees at the Nyquist frequency.
 """
-_GAP = 1.5
+LONG_STEP = 1.5
 """Length of a step, relative to the usual one, from which samples are missing in it."""
 LEAST_ROUNDED_SAMPLES = 50
 """Number of samples from which times are examined for rounding; fewer could have few digits by chance."""
@@ -167,7 +167,7 @@ class TimeSeries:
         if not len(steps):
             return {}
         usual, at = float(np.median(steps)), int(np.argmax(steps))
-        long = int((steps > _GAP * usual).sum())
+        long = int((steps > LONG_STEP * usual).sum())
         longest = f"{steps[at]:.6g} s after {self.time_s[at]:.6g} s (sample {at + 1})"
         return {"usual step": f"{usual:.6g} s", "longest step": longest, "gaps": str(long)}
 

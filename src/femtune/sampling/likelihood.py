@@ -189,6 +189,16 @@ class Likelihood:
         # r + B q is the error of the data, so that the factors are those of −r
         return np.zeros((len(theta), 0)) if found is None else -found.b
 
+    def drawn_factors(self, r: Reals, theta: Reals, rng: np.random.Generator) -> Reals:
+        """(m,) nuisance factors of residuals r (n,) with θ (t,), drawn from their distribution."""
+        weight = np.ones((1, len(self.groups)))
+        weight[:, list(self.estimated)] = np.exp(-2.0 * theta[: len(self.estimated)])
+        parts = tuple(r[None, group.rows] for group in self.groups)
+        found = self._factors(parts, tuple(self.B[group.rows] for group in self.groups), weight, theta[None])
+        if found is None:
+            return np.zeros(0)
+        return np.asarray(rng.multivariate_normal(-found.b[0], found.covariance[0], method="eigh"))
+
     def sizes(self, theta: Reals) -> tuple[Reals, Reals]:
         """(n,) factors on the errors of the data, and (m,) standard deviations of the nuisance factors, at θ (t,)."""
         sigma, s = np.ones(len(self.B)), np.zeros(self.B.shape[1])

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from femtune.fem.elements import KINDS
 
@@ -79,6 +80,41 @@ def mesh_beside(structure: Structure, nodes: NodeTable) -> DrawnMesh:
     lines, faces = row[mesh.lines], row[mesh.faces]
     there, whole = (lines >= 0).all(axis=1), (faces >= -1).all(axis=1)
     return thinned(nodes.xyz, DrawnMesh(lines[there], mesh.kinds[there], faces[whole]))
+
+
+def elements_at(structure: Structure, off: Collection[int], mesh: DrawnMesh) -> tuple[Rows, Rows]:
+    """(l,) and (f,) number of the element that each line and face of a mesh is of, by the nearest middle of an active
+    element; 0 for rigid elements, and where there is none."""
+    batches, xyz = structure.batches, structure.nodes.xyz
+    lines = _nearest(xyz, [b for b in batches if KINDS[b.kind].line], off, mesh.lines)
+    faces = _nearest(xyz, [b for b in batches if KINDS[b.kind].faces or KINDS[b.kind].sides], off, mesh.faces)
+    return np.where(mesh.kinds == ELEMENT, lines, 0), faces
+
+
+def _nearest(xyz: Reals, batches: Sequence[ElementBatch], off: Collection[int], rows: Rows) -> Rows:
+    """(r,) numbers of the elements whose middles are nearest to those of rows of grid points (r, k), −1 for none."""
+    middles = [_middles(xyz, b.nodes[_active(b, off)]) for b in batches]
+    numbers = [b.ids[_active(b, off)] for b in batches]
+    known = np.concatenate([np.zeros((0, 3)), *middles])
+    sizes = [np.ptp(_places(xyz, b.nodes[_active(b, off)]), axis=1).max(axis=1) for b in batches]
+    # what has no size is not drawn
+    inside = np.concatenate([np.zeros(0), *sizes]) > 0.0
+    if not inside.any() or not len(rows):
+        return np.zeros(len(rows), np.int64)
+    at = cKDTree(known[inside]).query(_middles(xyz, rows))[1]
+    return np.asarray(np.concatenate(numbers)[inside][at])
+
+
+def _places(xyz: Reals, nodes: Rows) -> Reals:
+    """(n, k, 3) places of rows of grid points; that of the first for those that are none (−1, scalar points)."""
+    there = (nodes >= 0) & (nodes < len(xyz))
+    return np.asarray(xyz[np.where(there, nodes, np.where(there[:, :1], nodes[:, :1], 0))])
+
+
+def _middles(xyz: Reals, nodes: Rows) -> Reals:
+    """(n, 3) means over the grid points of rows."""
+    there = ((nodes >= 0) & (nodes < len(xyz)))[..., None]
+    return np.asarray((_places(xyz, nodes) * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1))
 
 
 def active_lines(structure: Structure, off: Collection[int]) -> tuple[Rows, Rows]:

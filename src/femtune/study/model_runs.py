@@ -45,7 +45,7 @@ class ModelRun:
 
 @dataclass(frozen=True, eq=False)
 class FollowedFrequencies:
-    """The elastic modes of one configuration at the initial values: their numbers, from 1, and frequencies."""
+    """The elastic modes of one configuration at a reference point: their numbers, from 1, and frequencies."""
 
     case: str
     numbers: Integers
@@ -54,7 +54,7 @@ class FollowedFrequencies:
 
 @dataclass(frozen=True, eq=False)
 class FollowedModes(FollowedFrequencies):
-    """The elastic modes of one configuration at the initial values, followed to other points."""
+    """The elastic modes of one configuration at a reference point, followed to other points."""
 
     configured: ConfiguredModel
     solver: ModelSolver
@@ -62,8 +62,11 @@ class FollowedModes(FollowedFrequencies):
     count: int
 
     def at(self, x: Reals) -> tuple[Reals, Reals]:
-        """Frequencies (m,) in Hz at a point, and MAC with the shapes at the initial values, weighted by mass."""
-        solution: EigenSolution = self.solver.modes(self.configured.at(x), self.count, None)
+        """Frequencies (m,) in Hz at a point, and MAC with the shapes at the reference point, weighted by mass."""
+        return self.among(self.solver.modes(self.configured.at(x), self.count, None))
+
+    def among(self, solution: EigenSolution) -> tuple[Reals, Reals]:
+        """The same of modes that are solved."""
         M = solution.point.mass
         overlap = (self.shapes.T @ (M @ solution.shapes)) ** 2
         size = np.sum(self.shapes * (M @ self.shapes), axis=0)
@@ -73,9 +76,14 @@ class FollowedModes(FollowedFrequencies):
         return hz[chosen], mac[np.arange(len(chosen)), chosen]
 
 
-def followed_modes(study: Study, case: StudyCase) -> FollowedModes:
-    """The elastic modes of a configuration at the initial values (error ``screen.no-modes`` if there are none)."""
-    solution = solve(study, case, nominal(study))
+def followed_modes(study: Study, case: StudyCase, x: Reals | None = None) -> FollowedModes:
+    """The elastic modes of a configuration at a point, by default the initial values (error ``screen.no-modes`` if
+    there are none)."""
+    return followed_from(study, case, solve(study, case, nominal(study) if x is None else x))
+
+
+def followed_from(study: Study, case: StudyCase, solution: EigenSolution) -> FollowedModes:
+    """The elastic modes of a solution of the configuration (error ``screen.no-modes`` if there are none)."""
     elastic = np.flatnonzero(~is_rigid(solution)[: solution.wanted])
     if not len(elastic):
         raise FemtuneError("screen.no-modes", configuration=case.name)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +21,14 @@ from femtune.files.records import (
     read_frfs,
     read_function_files,
     read_record,
+    read_record_told,
 )
 from femtune.files.records.headings import stated_channel
+from femtune.files.records.mdf import read_mdf
 from femtune.identification.averaging import no_lost_samples
 from femtune.identification.operational import Operational
 from femtune.modal import TimeSeries
-from femtune.steps.identify.from_record import heading_notices, read_asked
+from femtune.steps.identify.from_record import read_asked
 from femtune.steps.identify.request import asked_of, check_length
 from femtune.units import unit_system
 
@@ -92,10 +97,10 @@ def test_equal_degrees_of_freedom_are_numbered(tmp_path: Path) -> None:
 
 def test_a_force_by_its_heading_is_told(tmp_path: Path) -> None:
     file = asked_of(table(tmp_path, "time,force [lbf],2Z+ [g],top", T, FORCE, ONE, TWO), {"band_hz": (1.0, 50.0)})
-    (notice,) = heading_notices(*read_asked(file), file)
+    ((_, (notice,)),) = read_asked(file)
     check_shown("record.headings", notice)
     quiet = asked_of(table(tmp_path, "time,a,b", T, ONE, TWO), {"band_hz": (1.0, 50.0)})
-    assert not list(heading_notices(*read_asked(quiet), quiet))
+    assert not read_asked(quiet)[0][1]
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -179,7 +184,7 @@ def test_a_rate_that_leaves_no_line_in_the_band(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", RNG.standard_normal((2, 6000)))
     file = asked_of(tmp_path / "a.npy", {"band_hz": (1.0, 30.0), "sampling_hz": 1e9})
     with pytest.raises(FemtuneError) as caught:
-        check_length(*read_asked(file), Operational((1.0, 30.0)), file)
+        check_length(read_asked(file)[0][0], Operational((1.0, 30.0)), file)
     assert caught.value.code == "identify.short-record"
 
 
@@ -277,9 +282,8 @@ def test_labview_text_that_is_refused(tmp_path: Path) -> None:
     header = whole.index("Channels")
     for text in (
         whole[:100],
-        lvm(steps="5.0E-3\t1.0E-3"),
         lvm(steps="0\t0"),
-        whole + whole[header:],
+        whole + whole[header:].replace("Top", "Bottom"),
         whole.replace("Channels\t2", "Channels\tx"),
         whole.replace(f"{FORCE[7]:.9f}", "1.2x"),
         whole[: whole.rindex("\t")],
@@ -310,15 +314,124 @@ def test_labview_text_without_header(tmp_path: Path) -> None:
     check(read_record(table(tmp_path, "", T, ONE, TWO, separator="\t", name="a.lvm")), [ONE, TWO])
 
 
-def test_tdms(tmp_path: Path) -> None:
+def test_channels_without_numbers_are_none(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text(re.sub(r"^(\d.*\t)[-\d.]+$", r"\1", lvm(), flags=re.MULTILINE))
+    assert [c.name for c in read_record(path).channels] == ["Hammer"]
+
+
+def segment(begin: str, first: float, rows: slice, step: str = "0.005") -> str:
+    header = [
+        "Channels\t2\t", f"Samples\t{rows.stop - rows.start}\t{rows.stop - rows.start}\t",
+        f"Date\t{begin[:10]}\t{begin[:10]}\t", f"Time\t{begin[11:]}\t{begin[11:]}\t", "Y_Unit_Label\tN\tg\t",
+        f"X0\t{first}\t{first}\t", f"Delta_X\t{step}\t{step}\t", "***End_of_Header***\t\t\t",
+        "X_Value\tHammer\tTop\tComment",
+    ]  # fmt: skip
+    cells = zip(T[: rows.stop - rows.start], FORCE[rows], ONE[rows])
+    return "\n".join([*header, *(f"{first + t:.6f}\t{a:.9f}\t{b:.9f}\tok" for t, a, b in cells), "", ""])
+
+
+GENERAL = "LabVIEW Measurement\t\nSeparator\tTab\nMulti_Headings\tYes\nX_Columns\tOne\n***End_of_Header***\t\n\t\n"
+SEGMENTS = "".join(segment("2024/05/03 12:00:00.125", 0.0, slice(32 * k, 32 * k + 32)) for k in (0, 1))
+
+
+@pytest.mark.parametrize(
+    ("begins", "firsts", "gap_s"),
+    [
+        (("2024/05/03 12:00:00.125", "2024/05/03 12:00:00.285"), (0.0, 0.0), 0.0),
+        (("2024/05/03 12:00:00.125", "2024/05/03 12:00:00.125"), (0.0, 0.16), 0.0),
+        (("2024/05/03 23:59:59,9", "2024/05/04 00:00:01,9"), (0.0, 0.0), 1.84),
+        (("2024/05/03 12:00:00.125", "2024/05/03 12:00:00.125"), (0.0, 0.0), 0.005),
+        (("1903/12/31 19:00:00", "1903/12/31 19:00:05"), (0.0, 0.0), 0.005),
+    ],
+)
+def test_segments_follow_by_their_times(
+    tmp_path: Path, begins: tuple[str, str], firsts: tuple[float, float], gap_s: float
+) -> None:
+    """One signal, a gap, or a distance that is not known."""
+    path = tmp_path / "a.lvm"
+    parts = [segment(begin, first, rows) for begin, first, rows in zip(begins, firsts, (slice(0, 32), slice(32, 64)))]
+    path.write_text(GENERAL + "".join(parts))
+    found, told = read_record_told(path)
+    assert found.values == pytest.approx(np.array([FORCE, G * ONE]), rel=1e-6, abs=1e-8)
+    steps = np.diff(found.time_s)
+    assert steps[31] == pytest.approx(0.005 + gap_s, abs=1e-7)
+    assert np.delete(steps, 31) == pytest.approx(0.005, abs=1e-7)
+    untimed = [notice for notice in told if notice.code == "record.segments-untimed"]
+    assert bool(untimed) == (gap_s == 0.005)
+    if untimed:
+        check_shown("record.segments-untimed", untimed[0])
+
+
+def test_times_in_the_table_are_more_exact_than_a_rounded_step(tmp_path: Path) -> None:
+    """3000 Hz: a step of 0.000333 is 3003 Hz."""
+    path = tmp_path / "a.lvm"
+    times, count = np.arange(4000) / 3000.0, 4000
+    values = RNG.standard_normal((2, count))
+    header = lvm(steps="0.000333\t0.000333").split("X_Value")[0].replace("64", str(count))
+    rows = [f"{t:.6f}\t{a:.6f}\t{b:.6f}" for t, a, b in zip(times, *values)]
+    path.write_text(header + "\n".join(["X_Value\tHammer\tTop\tComment", *rows, ""]))
+    found, told = read_record_told(path)
+    assert found.sampling_hz == pytest.approx(3000.0, rel=1e-6)
+    assert not told
+    rows = ["\t" + row.partition("\t")[2] for row in rows]
+    path.write_text(
+        header.replace("X_Columns\tOne", "X_Columns\tNo") + "\n".join(["X_Value\ta\tb\tComment", *rows, ""])
+    )
+    rounded, told = read_record_told(path)
+    assert rounded.sampling_hz == pytest.approx(1.0 / 0.000333)
+    check_shown("record.rate, rounded", told[0])
+    assert read_record(path, sampling_hz=3000.0).sampling_hz == 3000.0
+
+
+def test_uneven_times_of_a_table_are_not_overruled_by_the_step(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    times = np.cumsum(0.005 + 0.002 * RNG.random(64))
+    head, *rows = lvm().split("Comment\n")[1].split("\n"), *()
+    rows = [f"{t:.6f}\t" + row.partition("\t")[2] for t, row in zip(times, [r for r in head if r])]
+    path.write_text(lvm().split("Comment\n")[0] + "Comment\n" + "\n".join([*rows, ""]))
+    with pytest.raises(FemtuneError) as caught:
+        assert read_record(path).even_hz
+    assert caught.value.code == "record.uneven"
+
+
+def test_slower_channels_have_a_clock_of_their_own(tmp_path: Path) -> None:
+    """A temperature in the rows of each second, beside accelerations."""
+    path = tmp_path / "a.lvm"
+    head, rows = lvm(steps="5.0E-3\t0.16").replace("Top\tComment", "Heat\tComment").split("Comment\n")
+    table = [row for row in rows.split("\n") if row]
+    slow = [row if i % 32 == 0 else row.rpartition("\t")[0] + "\t" for i, row in enumerate(table)]
+    path.write_text(head + "Comment\n" + "\n".join([*slow, ""]))
+    with pytest.raises(FemtuneError) as caught:
+        read_record(path)
+    check_shown("record.clocks", caught.value)
+    (name,) = [name.strip("'") for name, words in caught.value.values.items() if "Hammer" in str(words)]
+    check(read_record(path, variable=name), [FORCE])
+    heat = read_record(path, [ChannelColumn("Heat", Dof(1, "Z"))])
+    check(heat, [ONE[::32]], 6.25)
+    with pytest.raises(FemtuneError) as caught:
+        read_record(path, variable="201 Hz")
+    check_shown("record.variable, group", caught.value)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Files of loggers with several groups: TDMS by its library, MDF, whose files another program has written.
+
+
+def write_tdms(path: Path, **channels: tuple[np.ndarray, dict[str, object]]) -> None:
     nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed")
-    path = tmp_path / "a.tdms"
     with nptdms.TdmsWriter(path) as writer:
-        properties = {"wf_increment": 0.005, "wf_samples": len(T)}
-        writer.write_segment([
-            nptdms.ChannelObject("run", "Hammer", FORCE, {**properties, "unit_string": "N"}),
-            nptdms.ChannelObject("run", "Acc 2Z+", ONE, {**properties, "unit_string": "g"}),
-        ])  # fmt: skip
+        objects = [nptdms.ChannelObject("run", name, *of) for name, of in channels.items()]
+        writer.write_segment(objects)
+
+
+def even(unit: str, step_s: float = 0.005) -> dict[str, object]:
+    return {"wf_increment": step_s, "wf_samples": 64, "unit_string": unit}
+
+
+def test_tdms(tmp_path: Path) -> None:
+    path = tmp_path / "a.tdms"
+    write_tdms(path, **{"Hammer": (FORCE, even("N")), "Acc 2Z+": (ONE, even("g")), "note": (np.array(["a", "b"]), {})})
     found = read_record(path)
     check(found, [FORCE, G * ONE])
     assert [c.role for c in found.channels] == ["input", "response"]
@@ -329,15 +442,198 @@ def test_tdms(tmp_path: Path) -> None:
             read_record(path)
 
 
-@pytest.mark.parametrize("name", ["a.mf4", "A.MDF"])
-def test_mdf_files_are_refused_with_the_way_out(tmp_path: Path, name: str) -> None:
-    (tmp_path / name).write_bytes(b"MDF     4.10")
-    with pytest.raises(FemtuneError, match="export the record"):
-        read_record(tmp_path / name)
+def test_times_in_tdms(tmp_path: Path) -> None:
+    stamps = np.datetime64("2024-05-03T12:00:00") + (1e6 * T).astype("timedelta64[us]")
+    for name, times in (("Time", T), ("stamps", stamps)):
+        write_tdms(tmp_path / "a.tdms", **{name: (times, {}), "acc": (ONE, {"unit_string": "g"})})
+        check(read_record(tmp_path / "a.tdms"), [G * ONE])
+
+
+def test_clocks_in_tdms(tmp_path: Path) -> None:
+    path = tmp_path / "a.tdms"
+    write_tdms(path, acc=(ONE, even("g")), heat=(TWO[:10], even("degC", 1.0)))
+    with pytest.raises(FemtuneError) as caught:
+        read_record(path)
+    assert set(caught.value.values) == {"'run, 200 Hz'", "'run, 1 Hz'"}
+    check(read_record(path, variable="run, 200 Hz"), [G * ONE])
+    check(read_record(path, [ChannelColumn("acc", Dof(1, "Z"))]), [ONE])
+
+
+def test_a_size_in_tdms_is_not_trusted(tmp_path: Path) -> None:
+    """A count of 2^50 values in a file of some hundred bytes."""
+    path = tmp_path / "a.tdms"
+    write_tdms(path, acc=(ONE, even("g")))
+    whole = path.read_bytes()
+    count = np.uint64(64).tobytes()
+    assert whole.count(count) == 1
+    path.write_bytes(whole.replace(count, np.uint64(2**50).tobytes()))
+    with pytest.raises(FemtuneError) as caught:
+        read_record(path)
+    assert caught.value.code.startswith("record.")
 
 
 def test_tdms_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     (tmp_path / "a.tdms").write_bytes(b"TDSm")
-    with pytest.raises(FemtuneError, match="npTDMS"):
+    with pytest.raises(FemtuneError, match=r"femtune\[tdms\]"):
         read_record(tmp_path / "a.tdms")
+
+
+def write_mdf(path: Path, *groups: dict[str, tuple[np.ndarray, str]], compression: int = 0, **signal: object) -> None:
+    """By asammdf: each group with its own times."""
+    asammdf = pytest.importorskip("asammdf", reason="asammdf is not installed")
+    with asammdf.MDF(version="4.10") as file:
+        for number, group in enumerate(groups):
+            times = np.arange(len(next(iter(group.values()))[0])) / (200.0 if number == 0 else 2.0)
+            signals = [asammdf.Signal(v, times, name=n, unit=u, **signal) for n, (v, u) in group.items()]
+            file.append(signals, acq_name=f"group {number}")
+        file.save(path, overwrite=True, compression=compression)
+
+
+@pytest.mark.parametrize("compression", [0, 1, 2])
+def test_mdf(tmp_path: Path, compression: int) -> None:
+    """Reals and integers of several sizes and byte orders, plain, compressed, and transposed before that."""
+    counts = np.arange(64) * 1000 - 32_000
+    channels = {
+        "Hammer": (FORCE, "N"), "Acc 2Z+": (ONE.astype(np.float32), "g"), "a": (counts.astype(np.int16), ""),
+        "b": (np.arange(64).astype(np.uint8), ""), "c": (counts.astype(">i4"), ""), "d": (TWO.astype(">f8"), "m/s^2"),
+    }  # fmt: skip
+    write_mdf(tmp_path / "a.mf4", channels, compression=compression)
+    found = read_record(tmp_path / "a.mf4")
+    check(found, [FORCE, G * ONE, counts, np.arange(64), counts, TWO])
+    assert [(c.name, c.role) for c in found.channels[:2]] == [("Hammer", "input"), ("Acc 2Z+", "response")]
+
+
+def test_conversions_of_mdf(tmp_path: Path) -> None:
+    kinds: dict[str, tuple[dict[str, object], np.ndarray]] = {
+        "line": ({"a": 0.5, "b": -3.0}, 0.5 * np.arange(64.0) - 3.0),
+        "quotient": ({"P1": 0.0, "P2": 2.0, "P3": 1.0, "P4": 0.0, "P5": 0.0, "P6": 4.0}, 0.5 * np.arange(64.0) + 0.25),
+        "table": (
+            {"raw_0": 0, "raw_1": 32, "phys_0": 1.0, "phys_1": 3.0, "interpolation": True},
+            np.interp(np.arange(64.0), [0, 32], [1.0, 3.0]),
+        ),
+    }
+    for name, (conversion, expected) in kinds.items():
+        write_mdf(tmp_path / "a.mf4", {name: (np.arange(64, dtype=np.uint16), "")}, conversion=conversion)
+        check(read_record(tmp_path / "a.mf4"), [expected])
+    write_mdf(tmp_path / "a.mf4", {"x": (np.arange(64, dtype=np.uint16), "")}, conversion={"formula": "X1*2"})
+    with pytest.raises(FemtuneError, match="no channels"):
+        read_record(tmp_path / "a.mf4")
+
+
+def test_groups_of_mdf(tmp_path: Path) -> None:
+    path = tmp_path / "a.mf4"
+    write_mdf(path, {"acc": (ONE, "g")}, {"heat": (TWO[:8], "degC")})
+    with pytest.raises(FemtuneError) as caught:
+        read_record(path)
+    assert caught.value.code == "record.clocks"
+    assert caught.value.values["'group 1'"] == "8 samples at 2 Hz: heat"
+    check(read_record(path, variable="group 0"), [G * ONE])
+
+
+def blocks_of_mdf(
+    times: bool = True, cycles: int = 64, bits: int = 16, data: str = "DT", formula: bool = False
+) -> bytes:
+    """An MDF file by hand: 16-bit integers with a bit of validity; `data` is the block in which they are."""
+    raw = b"".join(struct.pack("<hhB", i - 32, 0, 8 * (i == 5)) for i in range(64))
+    packed = zlib.compress(raw)
+    blocks: list[tuple[bytes, list[str], bytes]] = [
+        (b"HD", ["DG", "", "", "", "", ""], bytes(32)),
+        (b"DG", ["", "CG", data, ""], struct.pack("<B7x", 0)),
+        (b"CG", ["", "CN", "", "", "", ""], struct.pack("<QQHH4xII", 0, cycles, 0, 0, 4, 1)),
+        (b"CN", ["", "", "TX", "", "CC", "", "", ""], struct.pack("<BBBBIIII", 0, 0, 2, 0, 0, bits, 2, 3) + bytes(48)),
+        (b"TX", [], b"12Z+ [g]\0"),
+        (b"CC", ["", "", "", ""], struct.pack("<BBHHHddd d", 3 if formula else 1, 0, 0, 0, 2, 0.0, 0.0, 1.0, 0.5)),
+        (b"DT", [], raw),
+        (b"HL", ["DL"], bytes(8)),
+        (b"DL", ["", "DZ"], struct.pack("<B3xI", 0, 1)),
+        (b"DZ", [], struct.pack("<2sBxIQQ", b"DT", 0, 0, len(raw), len(packed)) + packed),
+    ]
+    if times:
+        blocks[3][1][0] = "CN2"
+        blocks.append(
+            (b"CN", ["", "", "TX", "", "CC2", "", "", ""], struct.pack("<BBBBIIII", 3, 1, 0, 0, 0, 0, 0, 0) + bytes(48))
+        )
+        blocks.append((b"CC", ["", "", "", ""], struct.pack("<BBHHHddd d", 1, 0, 0, 0, 2, 0.0, 0.0, 7.0, 0.005)))
+    places, at = dict[str, int](), 64
+    names = ["HD", "DG", "CG", "CN", "TX", "CC", "DT", "HL", "DL", "DZ", "CN2", "CC2"]
+    for name, (_, links, body) in zip(names, blocks):
+        places[name] = at
+        at += -(-(24 + 8 * len(links) + len(body)) // 8) * 8
+    out = b"MDF     4.10    femtune " + bytes(4) + struct.pack("<H", 410) + bytes(34)
+    for kind, links, body in blocks:
+        length = 24 + 8 * len(links) + len(body)
+        to = struct.pack(f"<{len(links)}Q", *(places[link] if link else 0 for link in links))
+        out += (b"##" + kind + bytes(4) + struct.pack("<QQ", length, len(links)) + to + body).ljust(
+            -(-length // 8) * 8, b"\0"
+        )
+    return out
+
+
+@pytest.mark.parametrize("data", ["DT", "HL", "DL", "DZ"])
+def test_mdf_with_virtual_times_and_samples_that_are_not_valid(tmp_path: Path, data: str) -> None:
+    path = tmp_path / "a.mf4"
+    path.write_bytes(blocks_of_mdf(data=data))
+    found = read_record(path)
+    expected = G * (1.0 + 0.5 * (np.arange(64.0) - 32.0))
+    expected[5] = np.nan
+    assert found.values == pytest.approx(expected[None], nan_ok=True)
+    assert (found.sampling_hz, found.t0_s, str(found.channels[0].dof)) == (pytest.approx(200.0), 7.0, "12Z+")
+    path.write_bytes(blocks_of_mdf(times=False, data=data))
+    with pytest.raises(FemtuneError) as caught:
+        read_record(path)
+    assert caught.value.code == "record.no-rate"
+    assert read_record(path, sampling_hz=200.0).samples == 64
+
+
+def test_formulas_of_mdf_are_not_evaluated(tmp_path: Path) -> None:
+    path = tmp_path / "a.mf4"
+    path.write_bytes(blocks_of_mdf(formula=True))
+    with pytest.raises(FemtuneError) as caught:
+        read_record(path)
+    check_shown("record.file, no channels", caught.value)
+    (table,) = [group.table for group in read_mdf(path)]
+    assert not table.names
+    check_shown("record.left-out", table.notices[0])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"MDF     4.10",
+        blocks_of_mdf(cycles=2**60),
+        blocks_of_mdf(cycles=65),
+        blocks_of_mdf(bits=40),
+        blocks_of_mdf(data="DG"),
+        blocks_of_mdf()[:700],
+        blocks_of_mdf().replace(b"MDF     ", b"UnFinMF "),
+        blocks_of_mdf().replace(b"MDF     ", b"MD      "),
+    ],
+)
+def test_damaged_mdf(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.MF4").write_bytes(content)
+    with pytest.raises(FemtuneError) as caught:
+        read_record(tmp_path / "a.MF4")
+    assert caught.value.code in ("record.file", "record.too-large")
+
+
+def test_mdf_of_version_3(tmp_path: Path) -> None:
+    (tmp_path / "a.mdf").write_bytes(blocks_of_mdf().replace(struct.pack("<H", 410), struct.pack("<H", 330), 1))
+    with pytest.raises(FemtuneError) as caught:
+        read_record(tmp_path / "a.mdf")
+    check_shown("record.format, mdf", caught.value)
+
+
+def test_a_compressed_block_of_mdf_does_not_fill_the_memory(tmp_path: Path) -> None:
+    """A megabyte that inflates to a gigabyte, with the size stated as it is or not."""
+    packed = zlib.compress(bytes(2**30), 9)
+    plain = blocks_of_mdf(cycles=2**30 // 5)
+    at = plain.index(b"##DT")
+    for stated in (2**30, 320):
+        block = struct.pack("<2sBxIQQ", b"DT", 0, 0, stated, len(packed)) + packed
+        header = b"##DZ" + bytes(4) + struct.pack("<QQ", 24 + len(block), 0)
+        # where the data were, to which the group points
+        (tmp_path / "a.mf4").write_bytes(plain[:at] + header + block)
+        with pytest.raises(FemtuneError) as caught:
+            read_record(tmp_path / "a.mf4")
+        assert caught.value.code in ("record.file", "record.too-large")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femtune.document.figures.canvas import draw_svg, quiet, told_apart
+from femtune.document.figures.frfs import LOOKS, legend, thinned
 from femtune.document.figures.svg import BLUE, ORANGE, PALE, SOFT, cut
 
 if TYPE_CHECKING:
@@ -73,3 +75,46 @@ def pairs_svg(
             quiet(axes)
 
     return draw_svg(0.2 + 2.2 * len(names), 2.2, draw)
+
+
+@dataclass(frozen=True)
+class BandPanel:
+    """A band of magnitudes (3, f) over its lines, from the lowest to the highest, and measured ones (f,) if known."""
+
+    title: str
+    ordinate: str
+    freq_hz: Reals
+    band: Reals
+    measured: Reals | None
+
+
+def bands_svg(panels: Sequence[BandPanel]) -> str:
+    """All bands, two side by side, the measured magnitudes under them."""
+    across = min(len(panels), 2)
+    rows = -(-len(panels) // across)
+
+    def draw(figure: Figure) -> None:
+        axes_of = figure.subplots(rows, across, squeeze=False).ravel()
+        for unused in axes_of[len(panels) :]:
+            unused.set_axis_off()
+        for axes, panel in zip(axes_of, panels):
+            hz = panel.freq_hz
+            if panel.measured is not None:
+                axes.plot(*thinned(hz, panel.measured), **LOOKS["test"])
+            # the lines at which the median has its peaks; the ends of the band have theirs there or nearby
+            lines, _ = thinned(hz, panel.band[1])
+            some = np.isin(hz, lines)
+            low, median, high = panel.band[:, some]
+            axes.fill_between(hz[some], low, high, color=BLUE, alpha=0.35, linewidth=0, zorder=2.1)
+            axes.plot(hz[some], median, **LOOKS["model"])
+            axes.set_yscale("log")
+            axes.set_title(cut(panel.title, 34), loc="left")
+            axes.set_ylabel(panel.ordinate)
+            axes.set_xlabel("Hz")
+            axes.set_xlim(hz[0], hz[-1] if hz[-1] > hz[0] else hz[0] + 1.0)
+            axes.grid(axis="both")
+            axes.set_axisbelow(True)
+        if any(panel.measured is not None for panel in panels):
+            legend(figure, ("model", "test"))
+
+    return draw_svg(3.7 * across if across > 1 else 5.6, 2.2 * rows + 0.3, draw)

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import Dof
-from femtune.errors import FemtuneError, did_you_mean
+from femtune.errors import FemtuneError, Notice, did_you_mean
 from femtune.files.formats import RECORD_FORMATS, RecordFormat
 from femtune.files.records.arrays import table_of
+from femtune.files.records.clocks import of_one_clock
 from femtune.files.records.headings import stated_channel
 from femtune.files.records.table import RecordTable, problem, with_unnamed_times
 from femtune.files.uff.scan import is_universal
@@ -22,8 +23,8 @@ from femtune.units import SI, UnitSystem, force_unit
 
 _RATE_TOLERANCE = 1e-3
 """Relative difference up to which two sampling rates are the same: files round 1/step to four digits and more."""
-_MDF_SUFFIXES = (".mf4", ".mdf")
-"""Files of data loggers in the format of ASAM, which are not read."""
+_EXACT_RATE = 1e-5
+"""Relative error of a rate up to which nothing needs to be said: standard deviations of frequencies are larger."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +55,14 @@ def read_record(
     format: str | None = None,
     units: UnitSystem = SI,
 ) -> TimeSeries:
-    """Time records of a file: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5, WAV, LVM, TDMS.
+    """Time records of a file: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5, WAV, LVM, TDMS, MDF.
 
     Parameters
     ----------
     columns : what the columns measure, in the order wanted; without them the file states it itself, or the headings of
         its columns do (``force``, ``12Z+``, ``Acc [g]``), and other columns become responses 1S+, 2S+, …
     sampling_hz : needed if the file states none; otherwise both must agree
-    variable : the array in a file that holds several
+    variable : the array in a file that holds several, or the group of channels
     format : key of one of `RECORD_FORMATS`; by extension where None
     units : system into which channels are converted whose unit the file states in words that are understood
 
@@ -70,8 +71,20 @@ def read_record(
     FemtuneError : ``record.*``: what cannot be read, with its place; ``record.rate`` for rates that contradict each
         other
     """
+    return read_record_told(path, columns, sampling_hz, variable, format, units)[0]
+
+
+def read_record_told(
+    path: Path | str,
+    columns: Sequence[ChannelColumn] = (),
+    sampling_hz: float | None = None,
+    variable: str | None = None,
+    format: str | None = None,
+    units: UnitSystem = SI,
+) -> tuple[TimeSeries, tuple[Notice, ...]]:
+    """As `read_record`, with what its reader tells: channels left out, times that the file does not state."""
     path = Path(path)
-    table = _read(path, format_named(path, format), variable)
+    table = _read(path, format_named(path, format), variable, [c.column for c in columns])
     if not any(isinstance(c.column, int) for c in columns):
         # columns that are given by number are counted as they stand in the file
         table = with_unnamed_times(table)
@@ -86,12 +99,16 @@ def read_record(
     made = TimeSeries(factors[:, None] * table.values[chosen], tuple(channels), rate, 0.0, table.times_s, str(path))
     if made.sampling_hz is not None and made.sampling_hz > LARGEST_RATE_HZ:
         raise problem(path, "record.rate/too-large", sampling_hz=made.sampling_hz)
-    return made
+    rounded = sampling_hz is None and table.sampling_hz is not None and table.rate_error > _EXACT_RATE
+    of_rate = (Notice("record.rate/rounded", rate=rate, error=100.0 * table.rate_error),) if rounded else ()
+    return made, (*table.notices, *of_rate)
 
 
-def _read(path: Path, format: RecordFormat, variable: str | None) -> RecordTable:
+def _read(path: Path, format: RecordFormat, variable: str | None, columns: Sequence[int | str]) -> RecordTable:
     if not path.is_file():
         raise problem(path, "record.missing")
+    if format.has == "groups":
+        return of_one_clock(path, format.read_groups(path), variable, columns)
     if format.has != "arrays":
         return format.read_table(path)
     with format.open_arrays(path) as arrays:
@@ -103,8 +120,6 @@ def format_named(path: Path, key: str | None) -> RecordFormat:
     if key is None and is_universal(path):
         key = "uff"
     format = RECORD_FORMATS.of_suffix(path) if key is None else RECORD_FORMATS[key]
-    if format is None and path.suffix.lower() in _MDF_SUFFIXES:
-        raise problem(path, "record.format/mdf", suffix=path.suffix)
     if format is None:
         known = ", ".join(RECORD_FORMATS.suffixes)
         raise problem(path, "record.format", values={"known": known}, suffix=path.suffix)
@@ -177,11 +192,12 @@ LARGEST_RATE_HZ = 1e9
 
 
 def _rate(table: RecordTable, said: float | None) -> float | None:
-    if said is not None and table.sampling_hz is not None and abs(said / table.sampling_hz - 1.0) > _RATE_TOLERANCE:
+    tolerance = max(_RATE_TOLERANCE, table.rate_error)
+    if said is not None and table.sampling_hz is not None and abs(said / table.sampling_hz - 1.0) > tolerance:
         raise FemtuneError(
             "record.rate",
             values={"stated": f"{said:g} Hz", "file": f"{table.sampling_hz:g} Hz", "source": table.source},
         )
     if said is None and table.sampling_hz is None and table.times_s is None:
         raise problem(table.source, "record.no-rate")
-    return said if table.sampling_hz is None else table.sampling_hz
+    return said if table.sampling_hz is None or (said and table.rate_error > _EXACT_RATE) else table.sampling_hz

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.dofs import Dof
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, Notice, Where
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,8 @@ class RecordTable:
     times_s : (samples,) of a column of times, which is then removed from the columns, or None
     source : the file
     channels : of the columns, if the file states them; otherwise ()
+    notices : what was left out of the file, or is doubtful about its times
+    rate_error : relative error of `sampling_hz`, where the file states it with few digits
     """
 
     values: Reals
@@ -54,6 +56,8 @@ class RecordTable:
     times_s: Reals | None = None
     source: str = ""
     channels: tuple[StatedChannel, ...] = ()
+    notices: tuple[Notice, ...] = ()
+    rate_error: float = 0.0
 
     @property
     def channel_names(self) -> tuple[str, ...]:

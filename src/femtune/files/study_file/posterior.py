@@ -36,5 +36,9 @@ class PosteriorTable(TomlTable):
     further_sd: Annotated[float, Field(gt=0, lt=1)] = 0.005
     """Standard deviation of the errors of a frequency, relative, in further tests: configurations of the study without
     a test, of which the results state what a test would teach. Example: `0.002`"""
+    predictions: Annotated[int, Field(ge=0, le=10_000)] = 200
+    """Samples at which the frequencies of all configurations and the FRFs of `[response]` are computed for their
+    intervals, with errors of the model; 0 for none. Above 20,000 free DOFs none are computed unless the key is given.
+    Example: `500`"""
     seed: Seed = 0
     """Seed of the random numbers. Example: `7`"""

@@ -10,11 +10,10 @@ from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.krylov import KrylovBasis, begin
 from femtune.model.eigen.mass_space import MassSpace
-from femtune.model.eigen.pairs import EigenSearch, solved_densely
+from femtune.model.eigen.pairs import DENSE_UP_TO, EigenSearch, solved_densely
 from femtune.model.eigen.pencil import Inverse, Pencil
 from femtune.model.mechanisms import check_mechanisms
 from femtune.model.solvers.interface import Factor, SingularMatrixError
-from femtune.model.solvers.small import DENSE_UP_TO as SMALL_UP_TO
 
 _LOWEST_OF_SINGLE = 1e-4
 """Lowest elastic eigenvalue relative to k_ii/m_ii of the softest DOF, for a mesh of a thousand DOFs."""
@@ -58,7 +57,7 @@ def spectral_shift(point: ModelPoint, pencil: Pencil, count: int) -> EigenSearch
     FemtuneError : ``eigen.mechanism``, ``eigen.negative``
     """
     size = first_guess(pencil)
-    if pencil.n <= SMALL_UP_TO:
+    if pencil.n <= DENSE_UP_TO:
         return _small_search(point, pencil, count, size)
     for _ in range(_MOST_TRIALS):
         size, factor = _factor_below(point, pencil, size)

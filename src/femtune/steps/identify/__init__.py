@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import click
 
+from femtune.identification.kinds import GapWay
 from femtune.steps.step import (
     FILE,
     JOBS,
@@ -21,8 +24,8 @@ STEP = Step(
         group="Test",
         help=(
             "Identify modes with standard deviations from time records or FRFs.\n\n"
-            "PATH is an identification file (.toml), a record (CSV, UFF, .npy, .npz, .mat, HDF5, WAV) or "
-            "functions or spectra (UFF). Options replace keys of [identify] in the file."
+            "PATH is an identification file (.toml), a record (CSV, UFF, .npy, .npz, .mat, HDF5, WAV, LVM, TDMS, "
+            "MDF) or functions or spectra (UFF). Options replace keys of [identify] in the file."
         ),
         params=(
             click.Argument(["path"], type=FILE),
@@ -34,7 +37,9 @@ STEP = Step(
             click.Option(
                 ["--rate", "sampling_hz"], type=float, metavar="HZ", help="Sampling rate, if the file states none."
             ),
-            click.Option(["--variable"], metavar="NAME", help="Name of the array, if the file has several."),
+            click.Option(
+                ["--variable"], metavar="NAME", help="Name of the array or group of channels, if there are several."
+            ),
             click.Option(
                 ["--method", "methods"], multiple=True, metavar="NAME", help="N4SID, pLSCF, SSI-cov, ERA …; repeatable."
             ),
@@ -51,6 +56,11 @@ STEP = Step(
                 multiple=True,
                 metavar="HZ",
                 help="Subtract the line of a machine from the record; repeatable.",
+            ),
+            click.Option(
+                ["--gaps"],
+                type=click.Choice(get_args(GapWay)),
+                help="Cut a record at its gaps: use the parts as records of their own, or the longest one.",
             ),
             click.Option(
                 ["--choices"],

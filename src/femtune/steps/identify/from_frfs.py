@@ -25,7 +25,7 @@ from femtune.identification.shapes import leading_shapes
 from femtune.identification.whole_record import binned, in_bins, whole_record
 from femtune.modal import ModeSet
 from femtune.steps.identify.choices import picked_poles
-from femtune.steps.identify.identified import Curve, Found
+from femtune.steps.identify.identified import Curve, Found, singular_levels
 from femtune.steps.identify.result import NothingFound
 from femtune.testdata import NO_GEOMETRY
 from femtune.testdata.checks import phase_collinearity
@@ -80,6 +80,7 @@ def found_from_frfs(
         drop=table.drop_hz, picked=picked_poles(file), real=table.real, exponential_s=table.exponential_s,
         suspension_hz=table.suspension_hz or 0.0,
     )  # fmt: skip
+    decay = 0.0 if table.exponential_s is None else 1.0 / table.exponential_s
     try:
         made = identify_frfs(frfs, asked, sd, whole)
     except NoModesChosen as chosen_none:
@@ -87,7 +88,7 @@ def found_from_frfs(
         nothing = ModeSet(np.zeros(0), np.zeros((len(measured.responses), 0)), measured.responses)
         found = Found(
             nothing, np.zeros(0), chosen_none.table, chosen_none.candidates, {}, _curve(measured), measured=measured,
-            geometry=geometry,
+            geometry=geometry, decay=decay,
         )  # fmt: skip
         raise NothingFound(chosen_none, found) from chosen_none
     measured, synthesised = made.fit.measured, made.fit.synthesised
@@ -100,7 +101,7 @@ def found_from_frfs(
         synthesised=synthesised, misfit_percent=100.0 * error / np.where(size > 0.0, size, 1.0), system=made.system,
         notices=made.notices, remarks=made.remarks, geometry=geometry,
         measured_sd=None if sd is None else sd[:, :, np.isin(frfs.freq_hz, measured.freq_hz)],
-        of_whole_record=whole is not None and whole.width > 0,
+        of_whole_record=whole is not None and whole.width > 0, decay=decay,
     )  # fmt: skip
 
 
@@ -124,8 +125,10 @@ def _by_method(made: IdentifiedModes) -> dict[str, NDArray[np.float64]]:
 
 def _curve(frfs: FrfSet) -> Curve:
     size = np.sqrt((np.abs(frfs.values) ** 2).sum(axis=(0, 1)))
-    level = 20.0 * np.log10(np.maximum(size, 1e-300) / max(float(size.max()), 1e-300))
-    return Curve(frfs.freq_hz, level, "all functions together")
+    largest = 20.0 * np.log10(max(float(size.max()), 1e-300))
+    level = 20.0 * np.log10(np.maximum(size, 1e-300)) - largest
+    singular = singular_levels(np.nan_to_num(frfs.values).transpose(2, 0, 1)) - largest
+    return Curve(frfs.freq_hz, level, "all functions together", singular)
 
 
 _HITS_LEFT = ("identify.hit-left-out", "identify.hits-doubtful")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Notice
-from femtune.files.records import ChannelColumn, read_record
+from femtune.files.records import ChannelColumn, read_record_told
 from femtune.identification.averaging import cross_spectra, no_lost_samples
 from femtune.identification.choice import CHOSEN_BY_USER, PickedPole, change_choice, has_candidate, pick_poles
 from femtune.identification.combine import Estimate, combine
@@ -36,13 +36,13 @@ from femtune.identification.refined import refined
 from femtune.identification.ssi import supported_order
 from femtune.modal.shape_criteria import mac
 from femtune.steps.identify.choices import picked_poles
-from femtune.steps.identify.identified import Curve, Found
+from femtune.steps.identify.identified import MOST_SINGULAR, Curve, Found
 from femtune.steps.identify.request import check_length
 from femtune.steps.identify.result import NothingFound
 from femtune.units import unit_system
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from femtune.files.identification_file import ChannelEntry, IdentifyFile
     from femtune.identification.operational import (
@@ -72,8 +72,8 @@ Noise lowers the MAC of one mode by two methods; the MAC of different modes is m
 """
 
 
-def read_asked(file: IdentifyFile) -> list[TimeSeries]:
-    """The records with their channels.
+def read_asked(file: IdentifyFile) -> list[tuple[TimeSeries, tuple[Notice, ...]]]:
+    """The records with their channels, each with what its reader and the headings of its columns tell.
 
     Raises
     ------
@@ -82,13 +82,14 @@ def read_asked(file: IdentifyFile) -> list[TimeSeries]:
     table = file.identify
     columns = [_column(entry) for entry in file.channel]
     units = unit_system(table.units)
-    return [
-        read_record(path, columns, table.sampling_hz, table.variable, table.format, units)
+    read = [
+        read_record_told(path, columns, table.sampling_hz, table.variable, table.format, units)
         for path in file.measured_paths
     ]
+    return [(record, (*told, *_of_headings(record, file))) for record, told in read]
 
 
-def heading_notices(record: TimeSeries, file: IdentifyFile) -> Iterable[Notice]:
+def _of_headings(record: TimeSeries, file: IdentifyFile) -> Iterable[Notice]:
     """``record.headings`` where the headings of a table say which column is a force, and not [[channel]]."""
     forces = [c for c in record.channels if c.role == "input"]
     if file.channel or not any(c.name for c in forces):
@@ -103,38 +104,45 @@ def _column(entry: ChannelEntry) -> ChannelColumn:
     return ChannelColumn(entry.column, parse_dof(entry.dof), entry.quantity, entry.role, entry.unit, entry.factor)
 
 
-def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress) -> Found:
+def found_from_record(parts: Sequence[TimeSeries], file: IdentifyFile, progress: Progress) -> Found:
     """Modes of a record by every method that is requested; those of the first one, or means over fragments.
+
+    Parameters
+    ----------
+    parts : the record, or its parts between gaps, which are its fragments then
 
     Raises
     ------
     FemtuneError : ``identify.*``, ``record.uneven``
     """
-    table, asked = file.identify, _asked(record, file)
+    table = file.identify
+    _check_parts(parts, file)
+    record = max(parts, key=lambda part: part.samples)
+    asked = _asked(record, file)
     names = [m for m in table.methods or DEFAULT_METHODS if m in OUTPUT_ONLY]
     check_length(record, asked, file)
     levels = level_ratios(record)
     record, removed, gone = subtracted(record, file)
     measured, record = record, replace(record, values=record.values / levels[:, None])
-    length = record.samples // table.fragments
+    pieces, short = _pieces(parts, record, levels, asked, file)
     several: dict[tuple[str, int], OperationalModes] = {}
-    for i in range(table.fragments):
-        piece = record.select_samples(i * length, (i + 1) * length)
+    for i, piece in enumerate(pieces):
         for j, name in enumerate(names):
-            progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
+            progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, len(pieces) * len(names))
             several[name, i] = chosen_by_hand(OUTPUT_ONLY[name].load()(piece, asked), file)
     if picked := picked_poles(file):
         several[names[0], 0] = with_picked(several[names[0], 0], picked)
-    check_choice([several[names[0], i] for i in range(table.fragments)], file)
+    check_choice([several[names[0], i] for i in range(len(pieces))], file)
     ready = prepared(record, asked)
     lines = find_lines(ready, asked.band_hz, [float(f) for one in several.values() for f in one.modes.freq_hz])
     several = {key: _without_harmonics(one, lines, ready, asked, table.take_hz) for key, one in several.items()}
     curve = _curve(ready, asked)
     by_likelihood: tuple[Notice, ...] = ()
-    if table.fragments == 1:
+    if len(pieces) == 1:
         several[names[0], 0], by_likelihood = _refined(several[names[0], 0], ready, lines, gone, asked)
     try:
-        identified = _means(several, record) if table.fragments > 1 else of_first_method(names, several, table.drop_hz)
+        single = len(pieces) == 1
+        identified = of_first_method(names, several, table.drop_hz) if single else _means(several, pieces, record)
     except FemtuneError as error:
         first = several[names[0], 0]
         found = Found(first.modes, first.collinearity, first.table, first.candidates, {}, curve, lines=lines)
@@ -142,9 +150,40 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     labels = identified.modes.dofs.labels()
     phases = next((n for one in several.values() if (n := _phase_notices(one, labels, 1.0 / measured.even_hz))), ())
     identified = _unscaled(_judged(identified, measured), measured, levels)
-    stated = _order_notices(several, asked) if table.fragments == 1 else ()
-    notices = (*removed, *line_notices(lines), *phases, *stated, *by_likelihood, *identified.notices)
+    stated = _order_notices(several, asked) if len(pieces) == 1 else ()
+    notices = (*short, *removed, *line_notices(lines), *phases, *stated, *by_likelihood, *identified.notices)
     return _beside_lines(replace(identified, curve=curve, notices=notices), lines)
+
+
+def _check_parts(parts: Sequence[TimeSeries], file: IdentifyFile) -> None:
+    """Parts are fragments already, and poles are picked in one record."""
+    other = "fragments" if file.identify.fragments > 1 else "choices" if file.identify.choices else None
+    if len(parts) > 1 and other is not None:
+        raise FemtuneError("identify.gaps/with-others", where=file.where("identify", "gaps"), other=other)
+
+
+def _pieces(
+    parts: Sequence[TimeSeries], record: TimeSeries, levels: NDArray[np.float64], asked: Operational, file: IdentifyFile
+) -> tuple[list[TimeSeries], tuple[Notice, ...]]:
+    """The fragments: equal pieces of the record, or its parts as far as they are long enough for the methods."""
+    if len(parts) == 1:
+        length = record.samples // file.identify.fragments
+        return [record.select_samples(i * length, (i + 1) * length) for i in range(file.identify.fragments)], ()
+    enough = [part for part in parts if _is_long(part, asked, file)]
+    short = len(parts) - len(enough)
+    told = (Notice("identify.gaps/short-parts", short=short, parts=len(parts)),) if short else ()
+    clean = [subtracted(part, file)[0] for part in enough]
+    return [replace(part, values=part.values / levels[:, None]) for part in clean], told
+
+
+def _is_long(part: TimeSeries, asked: Operational, file: IdentifyFile) -> bool:
+    try:
+        check_length(part, asked, file)
+    except FemtuneError as error:
+        if error.code not in ("identify.short-record", "identify.band"):
+            raise
+        return False
+    return True
 
 
 def _refined(
@@ -172,8 +211,12 @@ def _refined(
 def _curve(ready: TimeSeries, asked: Operational) -> Curve:
     spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
     inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
-    level = 10.0 * np.log10(np.maximum(np.linalg.eigvalsh(spectra.values[inside])[:, -1], 1e-300))
-    return Curve(spectra.freq_hz[inside], level - level.max(), "first singular value of the spectra")
+    # those of a positive matrix are its eigenvalues
+    values = np.maximum(np.linalg.eigvalsh(spectra.values[inside])[:, ::-1], 1e-300)
+    levels = 10.0 * np.log10(values[:, :MOST_SINGULAR].T / values.max())
+    power = values.sum(axis=1)
+    words = "first singular value of the spectra"
+    return Curve(spectra.freq_hz[inside], levels[0], words, levels, power / power.max())
 
 
 def _phase_notices(found: OperationalModes, labels: list[str], step_s: float) -> tuple[Notice, ...]:
@@ -382,8 +425,8 @@ def _beside(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
     return np.where(near, others.freq_hz[at], np.nan)
 
 
-def _means(several: dict[tuple[str, int], OperationalModes], record: TimeSeries) -> Found:
-    combined = combine([Estimate(name, i, identified.modes) for (name, i), identified in several.items()])
+def _means(several: dict[tuple[str, int], OperationalModes], pieces: Sequence[TimeSeries], record: TimeSeries) -> Found:
+    combined = combine([Estimate(name, i, one.modes, pieces[i].samples) for (name, i), one in several.items()])
     with_orders = next((f for f in several.values() if f.table is not None), None)
     table, candidates = (None, ()) if with_orders is None else (with_orders.table, with_orders.candidates)
     modes = replace(combined.modes, source=record.source)

@@ -20,14 +20,14 @@ from femtune.steps.identify.from_record import (
     of_first_method,
     with_picked,
 )
-from femtune.steps.identify.identified import Curve, Found
+from femtune.steps.identify.identified import Curve, Found, singular_levels
 from femtune.steps.identify.result import NothingFound
 
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
     from femtune.modal.spectrum_set import SpectrumSet
 
-_OF_RECORDS = ("remove_hz", "fragments", "period_s", "exponential_s", "force_window_s", "sampling_hz")
+_OF_RECORDS = ("remove_hz", "fragments", "period_s", "exponential_s", "force_window_s", "sampling_hz", "gaps")
 """Keys of [identify] that spectra cannot serve."""
 
 
@@ -88,7 +88,12 @@ def _methods(file: IdentifyFile) -> list[str]:
 
 
 def _curve(spectra: SpectrumSet, band_hz: tuple[float, float]) -> Curve:
-    size = np.linalg.norm(spectra.values, axis=(0, 1))
     inside = (spectra.freq_hz >= band_hz[0]) & (spectra.freq_hz <= band_hz[1])
-    level = 10.0 * np.log10(np.maximum(size[inside], 1e-300))
-    return Curve(spectra.freq_hz[inside], level - level.max(initial=-3000.0), "all spectra together")
+    values = spectra.values[:, :, inside]
+    level = 10.0 * np.log10(np.maximum(np.linalg.norm(values, axis=(0, 1)), 1e-300))
+    largest = level.max(initial=-3000.0)
+    # a spectrum is a square already
+    singular = 0.5 * singular_levels(values.transpose(2, 0, 1)) - largest
+    power = values[spectra.reference_rows, range(len(spectra.references))].real.sum(axis=0)
+    words = "all spectra together"
+    return Curve(spectra.freq_hz[inside], level - largest, words, singular, power / max(power.max(initial=0.0), 1e-300))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.identification.choice import Limits, stable
+from femtune.modal.frf_set import KINDS
 from femtune.testdata import NO_GEOMETRY
 
 if TYPE_CHECKING:
@@ -25,11 +26,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """What lies behind the stabilisation diagram: FRFs summed, or the first singular value of the spectra, in dB."""
+    """What lies behind the stabilisation diagram: FRFs summed, or the first singular value of the spectra, in dB.
+
+    `singular_db` (s, lines) are the largest singular values of the functions or spectra, in dB of the same reference;
+    `power` (lines,) is the sum of the auto spectra, relative to its largest value, and empty for functions.
+    """
 
     freq_hz: NDArray[np.float64]
     level_db: NDArray[np.float64]
     words: str
+    singular_db: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    power: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+
+
+MOST_SINGULAR = 4
+"""Singular values behind the diagram: as many close modes as can be told apart there by eye."""
+
+
+def singular_levels(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """(s, lines) largest singular values of matrices (lines, n, m), in dB."""
+    wide = values if values.shape[1] <= values.shape[2] else values.conj().transpose(0, 2, 1)
+    squares = np.linalg.eigvalsh(wide @ wide.conj().transpose(0, 2, 1))[:, ::-1][:, :MOST_SINGULAR]
+    return np.asarray(10.0 * np.log10(np.maximum(squares, 1e-300))).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +73,7 @@ class Found:
     geometry : of the test, where its file has one
     lines : of machines and of the mains in a record of responses, which are no modes
     of_whole_record : whether the functions are those of a whole record, whose coherence is that of the fit
+    decay : 1/τ of an exponential window, in 1/s, by which the functions decay faster than the poles of `table`
     """
 
     modes: ModeSet
@@ -77,6 +96,12 @@ class Found:
     measured_sd: NDArray[np.float64] | None = field(default=None, repr=False)
     geometry: WireFrame = field(default=NO_GEOMETRY, repr=False)
     of_whole_record: bool = False
+    decay: float = 0.0
+
+    @property
+    def derivatives(self) -> int:
+        """Derivatives of the measured functions: 0 receptance, 1 mobility, 2 accelerance; −1 without functions."""
+        return -1 if self.measured is None else KINDS.index(self.measured.kind)
 
     def stable_poles(self) -> Flags:
         """Which poles of `table` are stable from order to order; empty without a table."""

@@ -14,11 +14,12 @@ from femtune.errors import FemtuneError, Notice, Where, with_notices
 from femtune.executor import Processes
 from femtune.files.described_test import read_described_geometry
 from femtune.files.whole_file import digest_of
+from femtune.identification.gaps import cut_at_gaps
 from femtune.identification.record_checks import check_record
 from femtune.journal.owner import owner_of
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
-from femtune.steps.identify.from_record import found_from_record, heading_notices, read_asked
+from femtune.steps.identify.from_record import found_from_record, read_asked
 from femtune.steps.identify.from_spectra import found_from_spectra
 from femtune.steps.identify.levels import level_file, linearity_notice, linearity_of
 from femtune.steps.identify.request import asked_of, check_methods, check_no_lines, check_usable
@@ -52,8 +53,8 @@ def identify(
 
     Parameters
     ----------
-    path : an identification file (TOML), a record (CSV, UFF 58, .npy, .npz, .mat, HDF5, WAV), or functions or
-        spectra (UFF 58)
+    path : an identification file (TOML), a record (CSV, UFF 58, .npy, .npz, .mat, HDF5, WAV, LVM, TDMS, MDF), or
+        functions or spectra (UFF 58)
     output : output folder; default: that of the file, or ``identified`` in its folder
     options : keys of [identify] that replace those of the file: ``{"band_hz": (2.0, 40.0)}``
     jobs : the most set-ups or levels that are identified at a time; one after another where it is None
@@ -110,18 +111,21 @@ def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
     geometry = read_described_geometry(file)
     records: list[TimeSeries] = []
     notices: tuple[Notice, ...] = ()
-    for read in read_asked(file):
+    for read, of_file in read_asked(file):
         record, of_bodies = with_rigid_bodies(read, file, geometry)
         check_usable(record)
-        told = (*heading_notices(read, file), *of_bodies, *check_record(record))
+        told = (*of_file, *of_bodies, *check_record(record))
+        parts, of_gaps = ([record], ()) if file.identify.gaps is None else cut_at_gaps(record, file.identify.gaps)
+        told = (*told, *of_gaps)
         notices = (*notices, *(notice for notice in told if notice not in notices))
-        records.append(record)
+        records.extend(parts)
     forces = has_forces(records[0])
     check_methods(file, forces)
-    if len(records) > 1 and not forces:
-        raise FemtuneError("identify.several-records", where=file.where("identify", "record"), count=len(records))
+    if len(file.measured_paths) > 1 and not forces:
+        count = len(file.measured_paths)
+        raise FemtuneError("identify.several-records", where=file.where("identify", "record"), count=count)
     with with_notices(notices):
-        identified = found_from_forces(records, file) if forces else found_from_record(records[0], file, progress)
+        identified = found_from_forces(records, file) if forces else found_from_record(records, file, progress)
     identified = replace(identified, notices=(*notices, *identified.notices))
     return _with_agreement(identified if geometry is None else replace(identified, geometry=geometry))
 

@@ -211,11 +211,29 @@ def _updatable_fields(study: Study) -> Iterator[UpdatableField]:
     """Fields with usual bounds, in the order of the deck; none where no deck is changed."""
     if not study.source.writes_back:
         return
+    structure = study.built.structure
+    numbers = np.unique(np.concatenate([np.zeros(0, np.int64), *(b.ids for b in structure.batches)]))
+    row = {ref: i for i, ref in enumerate(structure.values.refs)}
     for one in islice(fields_of_kinds(study.built, KIND_OF_FIELD), _MOST_FIELDS):
         yield UpdatableField(
             name=one.name, field=str(one.ref), what=one.kind.what, value=one.value, lower=one.kind.lower,
-            upper=one.kind.upper,
+            upper=one.kind.upper, elements=_spans(structure.users(row[one.ref]), numbers),
         )  # fmt: skip
+
+
+_MOST_SPANS = 400
+"""Spans of the elements of a field: the results must stay small."""
+
+
+def _spans(some: NDArray[np.int64], numbers: NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
+    """First and last of neighbours among all numbers, both ascending; () where these would be very many."""
+    known = some[np.isin(some, numbers)]
+    at = np.searchsorted(numbers, known)
+    ends = np.flatnonzero(np.diff(at) != 1)
+    if not len(known) or len(ends) >= _MOST_SPANS:
+        return ()
+    firsts, lasts = known[np.append(0, ends + 1)], known[np.append(ends, len(known) - 1)]
+    return tuple((int(a), int(b)) for a, b in zip(firsts, lasts))
 
 
 def _beside_deck(comparison: ModesBeside) -> BesideDeck:

@@ -282,6 +282,7 @@ class _Measured:
     deviations : file of the standard deviations of the modes; None without one
     files : written beside
     source : the functions or the record from which the modes were identified
+    doubts : what the identification tells of its data and modes
     """
 
     test: ModalTest
@@ -291,6 +292,7 @@ class _Measured:
     deviations: Path | None = None
     files: tuple[Path, ...] = ()
     source: Path | None = None
+    doubts: tuple[str, ...] = ()
 
 
 def _measured(
@@ -376,7 +378,8 @@ def _identified(
     test, own = _read(modes)
     test, deviations = _with_deviations_beside(test, modes)
     files = (target, modes, *([] if deviations is None else [deviations]))
-    return _Measured(test, modes, own, f"modes identified from {path.name}", deviations, files, path)
+    doubts = tuple(f"identification: {n.what}" for n in made.found.notices if n.level != "info")
+    return _Measured(test, modes, own, f"modes identified from {path.name}", deviations, files, path, doubts)
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -606,7 +609,8 @@ class _Draft:
                 "femtune correlate before the update",
             )
         several = (self.sensors.several,) if self.sensors.several else ()
-        return (*self.units.doubts, *self.sensors.doubts, *several, *self.notices, *self.errors, *few)
+        of_test = self.measured.doubts
+        return (*of_test, *self.units.doubts, *self.sensors.doubts, *several, *self.notices, *self.errors, *few)
 
     @property
     def _has_shapes(self) -> bool:

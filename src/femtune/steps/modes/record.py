@@ -14,6 +14,8 @@ class ModeShapes(Record):
     """"before", "after" or "after as written"."""
     points_key: str | None = None
     """Key of the coordinates of the points that are drawn, shape (points, 3); None if no shapes were stored."""
+    point_numbers_key: str | None = None
+    """Key of the numbers of the grid points that are drawn, shape (points,); None in older results."""
     lines_key: str | None = None
     """Key of the lines, shape (lines, 2): rows of the points at both ends."""
     line_kinds_key: str | None = None
@@ -21,6 +23,10 @@ class ModeShapes(Record):
     faces_key: str | None = None
     """Key of shells and the outer faces of solids, shape (faces, 4): rows of the points at their corners, −1 for the
     fourth of a triangle; None in older results without this field."""
+    line_elements_key: str | None = None
+    """Key of the element number of each line, shape (lines,), 0 for rigid elements; None in older results."""
+    face_elements_key: str | None = None
+    """Key of the element number of each face, shape (faces,); None in older results."""
     translations_key: str | None = None
     """Key of the motion of the points, shape (points, 3, modes), modes as in ModelModes.freq_hz; complex for complex
     modes."""
@@ -36,6 +42,8 @@ class ModeShapes(Record):
     """Key of the sensors' unit directions, or axes of rotation, shape (sensors, 3)."""
     sensor_rotations_key: str | None = None
     """Key of 1 for sensors that measure a rotation and 0 for others, shape (sensors,)."""
+    sensor_nodes_key: str | None = None
+    """Key of the numbers of the test's points, shape (sensors,); None in older results and without a test."""
     test_shapes_key: str | None = None
     """Key of the measured shapes, shape (sensors, test modes), modes as in CorrelationResults.mac_test_labels."""
     wire_key: str | None = None

@@ -7,15 +7,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.stats import binom
 
-from femtune.document.numbers import listed
+from femtune.document.numbers import counted, listed
 from femtune.sampling import GOOD_ERROR, bends, weighted_quantiles
 from femtune.sampling.chains import MIXED
+from femtune.steps.posterior.problem import completed
 from femtune.steps.posterior.record import (
     BentPair,
     FurtherTest,
     ModelErrorClass,
     OtherRegion,
+    PosteriorFrequency,
     PosteriorNoise,
     PosteriorParameter,
     PosteriorResults,
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file import PosteriorTable
     from femtune.sampling import Likelihood, PosteriorSamples
     from femtune.steps.posterior.model_errors import ModelErrors
+    from femtune.steps.posterior.predictions import SampledPredictions
     from femtune.study.record import Alert
     from femtune.updating import UpdateResult
 
@@ -55,6 +59,10 @@ _FEWEST = 400.0
 """Effective samples below which ends of 95 % intervals vary by 0.13 standard deviations or more."""
 
 
+_OUTSIDE = 0.05
+"""Part of measured frequencies that is outside of 95 % intervals by chance."""
+_RARE = 0.01
+"""Probability by chance of as many measured frequencies outside, below which a warning is given."""
 _MOST_WANTED = 5
 """Changes that are listed."""
 _WIDER = 1.1
@@ -96,6 +104,7 @@ class SampledFacts:
     reduced_orders: tuple[int, ...]
     full_error: float | None
     further: tuple[FurtherTest, ...]
+    predictions: SampledPredictions
     remarks: tuple[str, ...]
 
     @property
@@ -105,9 +114,7 @@ class SampledFacts:
 
     def complete(self, x: Reals) -> Reals:
         """(n, k) with the parameters that rest."""
-        out = np.tile(self.result.x, (len(x), 1))
-        out[:, self.moving] = x
-        return out
+        return completed(self.result.x, x, self.moving)
 
 
 def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> PosteriorResults:
@@ -142,6 +149,8 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
         seed=table.seed, draws=len(s.x), effective=s.weights.effective, k_hat=s.weights.k_hat,
         drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
         stages=s.stages, further=facts.further, further_sd=table.further_sd,
+        predictions=facts.predictions.asked, predictions_failed=facts.predictions.failed,
+        frequencies=facts.predictions.frequencies, functions=facts.predictions.functions,
         log_evidence=s.log_evidence, log_evidence_sd=s.log_evidence_sd, gradient_solutions=s.gradients,
         plain_solutions=s.plain, failed=s.failed, paired_anew_percent=100.0 * anew, recalled=facts.recalled,
         seconds=facts.seconds, executor=facts.executor, parameters=estimates, free=facts.names, noise_levels=noise,
@@ -187,8 +196,9 @@ def _interval(values: Reals) -> tuple[float, float]:
 
 def _model_errors(facts: SampledFacts) -> Iterator[ModelErrorClass]:
     s, first = facts.samples, len(facts.likelihood.estimated)
-    for j, (one, count) in enumerate(zip(facts.errors.classes, facts.errors.counts), start=first):
+    for j, one in enumerate(facts.errors.classes, start=first):
         low, median, high = weighted_quantiles(100.0 * np.exp(s.theta[:, j]), s.weights.values, _ENDS).tolist()
+        count = facts.errors.of.count(one.name)
         yield ModelErrorClass(what=one.name, count=count, sd_percent=median, interval_95=(low, high))
 
 
@@ -199,9 +209,11 @@ def _wanted(facts: SampledFacts) -> Iterator[WantedChange]:
         return
     factors = s.weights.values @ facts.likelihood.factors(s.residuals, s.theta)
     changes = errors.turn @ factors
-    for i in np.argsort(-np.abs(changes) * errors.effects)[:_MOST_WANTED]:
-        of = next(c.name for c in errors.classes if errors.turn[i, c.columns].any())
-        yield WantedChange(what=errors.names[i], of=of, change_percent=100.0 * float(changes[i]))
+    size = np.abs(changes) * errors.effects
+    for i in np.argsort(-size)[:_MOST_WANTED]:
+        if size[i] == 0.0:
+            return
+        yield WantedChange(what=errors.names[i], of=errors.of[i], change_percent=100.0 * float(changes[i]))
 
 
 def _prior_sd(facts: SampledFacts) -> dict[str, float]:
@@ -281,6 +293,7 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
             f"{100.0 * record.further_sd:.2g} %, is expected to bring {best.bits:.1f} bits; the standard deviation of "
             f"{most.parameter} would fall from {most.sd:.2g} to {most.sd_after:.2g}."
         )
+    yield from _predicted(record)
     weights = f"k̂ = {record.k_hat:.2f}" if record.drawn_from != "tmcmc" else f"after {record.stages} stages of TMCMC"
     yield (
         f"{record.effective:.0f} of {record.draws} samples are effective, {weights}; the logarithm of the evidence is "
@@ -317,6 +330,28 @@ def _of_model(record: PosteriorResults) -> Iterator[str]:
         )
 
 
+def _unused(record: PosteriorResults) -> tuple[list[PosteriorFrequency], list[PosteriorFrequency]]:
+    """Predicted frequencies that were measured and not used, and those of them outside their interval."""
+    unused = [f for f in record.frequencies if f.measured_inside is not None and not f.used]
+    return unused, [f for f in unused if not f.measured_inside]
+
+
+def _predicted(record: PosteriorResults) -> Iterator[str]:
+    unused, outside = _unused(record)
+    if unused:
+        missed = [f"{f.measured_hz:.4g} Hz ({f.interval_95[0]:.4g} … {f.interval_95[1]:.4g})" for f in outside]
+        names = f"; outside: {listed(missed)}" if missed else ""
+        inside = len(unused) - len(outside)
+        yield (
+            f"Of {counted(len(unused), 'measured frequency', 'measured frequencies')} that the update did not use, "
+            f"{inside} {'is' if inside == 1 else 'are'} in the 95 % interval that was predicted{names}."
+        )
+    for one in record.functions:
+        share = one.measured_inside_percent
+        of_test = "" if share is None else f"; {share:.0f} % of the measured lines are in them"
+        yield f"The 95 % bands of the FRFs of {one.configuration} are {one.width_db:.2g} dB wide (median){of_test}."
+
+
 def limits_of(record: PosteriorResults) -> Iterator[Alert]:
     if record.others:
         values = "; ".join(
@@ -340,6 +375,13 @@ def limits_of(record: PosteriorResults) -> Iterator[Alert]:
         yield alert("warning", "posterior.failed", failed=record.failed)
     if record.full_model_error is not None and record.full_model_error > _LARGE_FULL_ERROR:
         yield alert("warning", "posterior.reduced-model", sd=record.full_model_error)
+    unused, outside = _unused(record)
+    if binom.sf(len(outside) - 1, len(unused), _OUTSIDE) < _RARE:
+        yield alert("warning", "posterior.prediction-missed", outside=len(outside), unused=len(unused))
+    if record.predictions_failed > _MOST_FAILED * record.predictions:
+        yield alert(
+            "warning", "posterior.predictions-failed", failed=record.predictions_failed, predictions=record.predictions
+        )
     yield from _not_in_likelihood(record)
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.errors import FemtuneError
+from femtune.steps.posterior.problem import completed
 from femtune.steps.posterior.record import FurtherParameter, FurtherTest
 from femtune.study.executor import executor_of
 from femtune.study.model_runs import FrequencyRuns, followed_modes, runs_at
@@ -62,11 +63,11 @@ def further_tests(
         return (), remarks
     rng = np.random.default_rng(0)
     chosen = rng.choice(len(samples.x), _SAMPLES, p=samples.weights.values)
-    points = _complete(x, samples.x[chosen], moving)
-    values = np.asarray(study.parameters.denormalise(_complete(x, samples.x, moving)))[:, moving]
+    points = completed(x, samples.x[chosen], moving)
+    values = np.asarray(study.parameters.denormalise(completed(x, samples.x, moving)))[:, moving]
     w = samples.weights.values
     now = np.sqrt(w @ (values - w @ values) ** 2)
-    found = {case.name: _of(study, case, points, moving, sd, now, progress) for case in cases}
+    found = {case.name: _of(study, case, x, points, moving, sd, now, progress) for case in cases}
     failed = [f"{name} ({why})" for name, why in found.items() if isinstance(why, str)]
     if failed:
         remarks = (*remarks, f"What a further test would teach could not be computed: {'; '.join(failed)}.")
@@ -74,11 +75,11 @@ def further_tests(
 
 
 def _of(
-    study: Study, case: StudyCase, points: Reals, moving: Integers, sd: float, now: Reals, progress: Progress
-) -> FurtherTest | str:
+    study: Study, case: StudyCase, x: Reals, points: Reals, moving: Integers, sd: float, now: Reals, progress: Progress
+) -> FurtherTest | str:  # fmt: skip
     """Why not, where the model has no elastic modes, or cannot be solved at the samples."""
     try:
-        followed = followed_modes(study, case)
+        followed = followed_modes(study, case, x)
     except FemtuneError as error:
         return error.what
     every, where = np.unique(points, axis=0, return_inverse=True)
@@ -100,12 +101,6 @@ def _of(
         configuration=case.name, modes=tuple(followed.numbers[kept].tolist()), bits=max(float(bits), 0.0),
         parameters=tuple(_parameters(study.parameters, points[good], moving, now, y, C)),
     )  # fmt: skip
-
-
-def _complete(x: Reals, sampled: Reals, moving: Integers) -> Reals:
-    points = np.tile(x, (len(sampled), 1))
-    points[:, moving] = sampled
-    return points
 
 
 def _parameters(

@@ -19,6 +19,7 @@ from femtune.steps.judge.facts.tested_supports import TestedSupport, tested_supp
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from femtune.judge.point_masses import PointMass
     from femtune.judge.widened import WideningFactor
     from femtune.residuals import Evaluation, UpdateProblem
     from femtune.sampling import Known, Solving
@@ -41,7 +42,7 @@ _LEAST_EFFECT = 0.05
 left out: ten times as large a change would still be half a standard deviation."""
 _STIFFNESS, _MASSES = "stiffnesses", "masses"
 _PARTS = "parts of properties"
-_LACKING, _SUPPORTS = "masses that the deck lacks", "supports that give way"
+_LACKING, SUPPORTS = "masses that the deck lacks", "supports that give way"
 """Classes, each with a standard deviation of its own. Values of a deck are wrong more often than something is missing
 in it or a property differs from place to place: many changes that are not there must not tell that values are right."""
 
@@ -54,11 +55,12 @@ class ModelErrors:
     ----------
     classes : of the columns of B
     B : (n, m) derivatives of the residuals by the unknown changes, in combinations of equal standard deviation
-    turn : (changes, m) changes of a unit of each combination, relative to the value of the deck; of masses and
-        supports that the deck does not have to the largest plausible one
-    raw : (raw, m) the same in normalised values of what changes
+    unit : (changes, m) the combinations, in usual changes; orthonormal within a class
+    usual : (changes,) the usual changes, relative to the value of the deck; of masses and supports that the deck does
+        not have to the largest plausible one
+    directions : (raw, changes) normalised values of what changes, of each usual change
     effects : (changes,) length of the derivative of the residuals by each change
-    names, counts : what the changes are of, and the number of changes of each class
+    names, of : what the changes are of, and their classes; a class without an effect on the data is none of `classes`
     reason : why there are none; "" otherwise
     left_out : number of fields that do not change because there are too many
     not_settled : why the changes are not about the most probable ones; "" where they are
@@ -66,19 +68,46 @@ class ModelErrors:
 
     classes: tuple[NuisanceClass, ...]
     B: Reals
-    turn: Reals
-    raw: Reals
+    unit: Reals
+    usual: Reals
+    directions: Reals
     effects: Reals
     names: tuple[str, ...] = ()
-    counts: tuple[int, ...] = ()
+    of: tuple[str, ...] = ()
     reason: str = ""
     left_out: int = 0
     not_settled: str = ""
 
+    @property
+    def turn(self) -> Reals:
+        """(changes, m) changes of a unit of each combination, relative as `usual`."""
+        return np.asarray(self.usual[:, None] * self.unit)
+
+    @property
+    def raw(self) -> Reals:
+        """(raw, m) normalised values of what changes, of a unit of each combination."""
+        return np.asarray(self.directions @ self.unit)
+
+    def drawn(self, combinations: Reals, s: Reals, rng: np.random.Generator) -> Reals:
+        """(raw,) normalised values of what changes, of drawn combinations (m,) with standard deviations (m,).
+
+        What the data do not see is normal with the standard deviation of its class, or with one from its prior where
+        the data see nothing of the class.
+        """
+        out, by_name = np.zeros(len(self.of)), {c.name: c.columns for c in self.classes}
+        for name in dict.fromkeys(self.of):
+            mine = np.array([i for i, of in enumerate(self.of) if of == name])
+            columns = by_name.get(name, np.zeros(0, np.int64))
+            size = s[columns[0]] if len(columns) else np.exp(rng.uniform(*np.log(_LIMITS)))
+            own, unit = size * rng.standard_normal(len(mine)), self.unit[np.ix_(mine, columns)]
+            out[mine] = own + unit @ (combinations[columns] - unit.T @ own)
+        return np.asarray(self.directions @ out)
+
 
 def none_of(rows: int, reason: str = "") -> ModelErrors:
     """No errors of the model."""
-    return ModelErrors((), np.zeros((rows, 0)), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), reason=reason)
+    none = np.zeros((0, 0))
+    return ModelErrors((), np.zeros((rows, 0)), none, np.zeros(0), none, np.zeros(0), reason=reason)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +124,8 @@ class UnknownChanges:
     changes : what changes
     rows : number of residuals, those of a prior among them
     left_out : number of fields that do not change because there are too many
-    factors : number of the first values, factors on fields
+    factors : on fields, the first values
+    masses : at grid points, the values after these
     supports : number of the last values, compliances of supports, of which the model has derivatives alone
     """
 
@@ -105,7 +135,8 @@ class UnknownChanges:
     changes: tuple[_Change, ...]
     rows: int
     left_out: int
-    factors: int
+    factors: tuple[WideningFactor, ...]
+    masses: tuple[PointMass, ...]
     supports: int
 
     @property
@@ -115,7 +146,7 @@ class UnknownChanges:
 
     def within(self, raw: Reals) -> Reals:
         """Normalised values (raw,) at which the model can be solved: no factor near zero, and no compliances."""
-        factors = np.arange(self.n_raw) < self.factors
+        factors = np.arange(self.n_raw) < len(self.factors)
         inside = np.where(factors, np.maximum(raw, _LEAST_FACTOR - 1.0), raw)
         inside[self.n_raw - self.supports :] = 0.0
         return inside
@@ -159,7 +190,8 @@ def unknown_changes(study: Study, result: UpdateResult, solving: Solving) -> Unk
     try:
         masses = tested_masses(study, result, len(factors))
         supports, giving_way, couplings = tested_supports(study, result, len(factors) + len(masses))
-        widened = widened_problem(result, study.model, factors, [m.mass for m in masses], giving_way, couplings)
+        points = tuple(m.mass for m in masses)
+        widened = widened_problem(result, study.model, factors, points, giving_way, couplings)
         end = widened_end(result, widened)
     except FemtuneError as error:
         return f"the model could not be extended by unknown changes: {error.what}"
@@ -169,7 +201,7 @@ def unknown_changes(study: Study, result: UpdateResult, solving: Solving) -> Unk
     raw = len(widened.parameters.free) - own
     changes = (*_of_fields(study, result, fields, factors, raw), *_added(masses, raw), *_added(supports, raw))
     rows = len(solving.of(solving.at, False).residuals)
-    return UnknownChanges(widened, end, own, changes, rows, left_out, len(factors), len(giving_way))
+    return UnknownChanges(widened, end, own, changes, rows, left_out, tuple(factors), points, len(giving_way))
 
 
 def _rows_of(at: Evaluation) -> list[tuple[str, int]]:
@@ -216,7 +248,7 @@ def _added(tested: Sequence[TestedMass] | Sequence[TestedSupport], raw: int) -> 
     """One for each neighbourhood; supports that are tested together are left out, as the sum of theirs."""
     for one in tested:
         if len(one.factors) == 1:
-            of = _LACKING if isinstance(one, TestedMass) else _SUPPORTS
+            of = _LACKING if isinstance(one, TestedMass) else SUPPORTS
             direction = np.zeros(raw)
             direction[one.factors[0]] = one.scale
             yield _Change(of, f"{one.field} {one.place}", 1.0, direction)
@@ -231,7 +263,7 @@ def _compressed(changes: Sequence[_Change], slopes: Reals) -> ModelErrors:
     """Within a class, orthogonal combinations have the same unknown standard deviation; those without effect go."""
     directions = _directions(changes, slopes.shape[1])
     columns = slopes @ directions
-    classes, blocks, turns, counts = list[NuisanceClass](), list[Reals](), list[Reals](), list[int]()
+    classes, blocks, units = list[NuisanceClass](), list[Reals](), list[Reals]()
     first = 0
     for name in dict.fromkeys(c.of for c in changes):
         mine = [i for i, c in enumerate(changes) if c.of == name]
@@ -239,18 +271,15 @@ def _compressed(changes: Sequence[_Change], slopes: Reals) -> ModelErrors:
         kept = size * _COMMON_SHARE > _LEAST_EFFECT
         if not kept.any():
             continue
-        turn = np.zeros((len(changes), int(kept.sum())))
-        turn[mine] = right[kept].T
-        classes.append(NuisanceClass(name, np.arange(first, first + turn.shape[1]), _LIMITS))
+        unit = np.zeros((len(changes), int(kept.sum())))
+        unit[mine] = right[kept].T
+        classes.append(NuisanceClass(name, np.arange(first, first + unit.shape[1]), _LIMITS))
         blocks.append(left[:, kept] * size[kept])
-        turns.append(turn)
-        counts.append(len(mine))
-        first += turn.shape[1]
+        units.append(unit)
+        first += unit.shape[1]
     if not classes:
         return none_of(len(slopes), "no change of a property, mass or support has an effect on the data")
-    turn, usual = np.hstack(turns), np.array([c.usual for c in changes])
-    effects = np.where(turn.any(axis=1), la.norm(columns, axis=0) / usual, 0.0)
-    names = tuple(c.name for c in changes)
-    return ModelErrors(
-        tuple(classes), np.hstack(blocks), usual[:, None] * turn, directions @ turn, effects, names, tuple(counts)
-    )
+    together, usual = np.hstack(units), np.array([c.usual for c in changes])
+    effects = np.where(together.any(axis=1), la.norm(columns, axis=0) / usual, 0.0)
+    names, of = tuple(c.name for c in changes), tuple(c.of for c in changes)
+    return ModelErrors(tuple(classes), np.hstack(blocks), together, usual, directions, effects, names, of)

@@ -8,13 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.document.document import Cell, Figure, Listing, Paragraph, Section, Table, columns, row
-from femtune.document.figures.posterior import marginals_svg, pairs_svg
+from femtune.document.figures.posterior import BandPanel, bands_svg, marginals_svg, pairs_svg
 from femtune.document.numbers import as_sentence, counted, short, value
 from femtune.steps.report_source import warnings_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from femtune.document.document import Block, Document, Level
-    from femtune.steps.posterior.record import PosteriorParameter, PosteriorResults
+    from femtune.steps.posterior.record import (
+        PosteriorFrequency,
+        PosteriorFunctions,
+        PosteriorParameter,
+        PosteriorResults,
+    )
     from femtune.steps.report_source import ReportSource, Subject
     from femtune.steps.results import Results
 
@@ -24,6 +31,10 @@ _MOST_FURTHER = 6
 """Parameters in the table of further tests."""
 _MOST_PAIRS = 4
 """Bent pairs that are drawn."""
+_MOST_PREDICTED = 40
+"""Predicted frequencies in the table; all are in the results."""
+_MOST_BANDS = 6
+"""FRFs of a configuration that are drawn with their bands."""
 
 
 def posterior(source: ReportSource) -> list[Block]:
@@ -38,7 +49,8 @@ def posterior_blocks(record: PosteriorResults) -> list[Block]:
     """Sentences and tables, for page and terminal."""
     errors = [model_error_table(record)] if record.model_errors else []
     further = [further_table(record)] if record.further else []
-    tables = [parameter_table(record), noise_table(record), *errors, *further]
+    predicted = [frequency_table(record)] if record.frequencies else []
+    tables = [parameter_table(record), noise_table(record), *errors, *predicted, *further]
     return [Listing(record.sentences), Paragraph(_how(record)), *tables]
 
 
@@ -124,6 +136,29 @@ def model_error_table(record: PosteriorResults) -> Table:
     return Table("Errors of the model", heads, rows, note)
 
 
+def frequency_table(record: PosteriorResults) -> Table:
+    """Predicted frequencies, those that were measured and not used first."""
+    heads = columns("Configuration", ">Mode", ">Update, Hz", ">95 % from", ">to", "Test mode", ">Measured, Hz", "")
+    order = sorted(record.frequencies, key=lambda f: (f.measured_hz is None, f.used))
+    note = (
+        f"The full model at {record.predictions - record.predictions_failed} samples, with errors of the model as the "
+        "data leave them. Inside: the measured frequency is in the 95 % interval of a measurement, which has errors of "
+        "the test as well."
+    )
+    if len(order) > _MOST_PREDICTED:
+        note += f" And {counted(len(order) - _MOST_PREDICTED, 'more frequency', 'more frequencies')} in the results."
+    return Table("Predicted frequencies", heads, tuple(map(_frequency, order[:_MOST_PREDICTED])), note)
+
+
+def _frequency(f: PosteriorFrequency) -> tuple[Cell, ...]:
+    told = "" if f.measured_inside is None else "inside" if f.measured_inside else "outside"
+    use = f"{told}, {'used' if f.used else 'not used'}" if told else ""
+    return row(
+        f.configuration, str(f.mode), value(f.value_hz), *map(value, f.interval_95), f.test_mode or "",
+        "" if f.measured_hz is None else value(f.measured_hz), Cell(use, tone="poor") if told == "outside" else use,
+    )  # fmt: skip
+
+
 def further_table(record: PosteriorResults) -> Table:
     """A line each configuration without a test, a column each parameter."""
     names = [p.parameter for p in record.further[0].parameters][:_MOST_FURTHER]
@@ -173,7 +208,29 @@ def _pictures(source: ReportSource, record: PosteriorResults) -> list[Block]:
             "Pairs of parameters whose joint distribution is bent: samples, and in grey those of linearised residuals."
         )
         out.append(Figure(partial(pairs_svg, pairs, columns_of, chosen, linear), words, words, wide=True))
-    return out
+    return [*out, *(figure for one in record.functions for figure in _bands(source, one))]
+
+
+def _bands(source: ReportSource, record: PosteriorFunctions) -> Iterator[Figure]:
+    """The first functions with their bands."""
+    hz, band = source.array(record.freq_key), source.array(record.band_key)
+    test = None if record.test_values_key is None else source.array(record.test_values_key)
+    if hz is None or band is None:
+        return
+    places = [(i, j) for i in range(len(record.outputs)) for j in range(len(record.inputs))]
+    panels = [
+        BandPanel(
+            f"{record.outputs[i]} / {record.inputs[j]}", record.kind, hz, band[:, i, j],
+            None if test is None or not np.isfinite(test[i, j]).any() else np.abs(test[i, j]),
+        )
+        for i, j in places[:_MOST_BANDS]
+    ]  # fmt: skip
+    left = f" {counted(len(places) - len(panels), 'more function')} in the arrays." if len(places) > len(panels) else ""
+    words = (
+        f"FRFs of {record.configuration} over the samples: median and 95 % band of the magnitude, with errors of the "
+        f"model; wide and pale the test.{left}"
+    )
+    yield Figure(partial(bands_svg, panels), words, words, wide=True)
 
 
 def posterior_document(subject: Subject, results: Results) -> Document:

@@ -24,7 +24,7 @@ from femtune.updating.error_scales import FEWEST_DEGREES
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from femtune.arrays import Reals
+    from femtune.arrays import Integers, Reals
     from femtune.residuals import Evaluation, UpdateProblem
     from femtune.sampling.kinds import NoiseRule
     from femtune.sampling.sampler import ModelAtSamples
@@ -55,6 +55,13 @@ def solving_of(problem: UpdateProblem, result: UpdateResult, reduced: bool = Fal
 def at_result(problem: UpdateProblem, result: UpdateResult) -> Evaluation:
     """The result on the models of another problem, with the same pairs."""
     return problem.assess(result.x, problem.paired_as(result.after, problem.solved(result.x)))
+
+
+def completed(x: Reals, sampled: Reals, moving: Integers) -> Reals:
+    """(n, k) samples (n, k′) of the parameters that move, with the others as at x (k,)."""
+    points = np.tile(x, (len(sampled), 1))
+    points[:, moving] = sampled
+    return points
 
 
 def without_likelihood(blocks: Sequence[Any]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from femtune.modal.kinds import FrfKind
 from femtune.sampling.kinds import Discrepancy, NoiseRule, Route
 from femtune.study.record import Alert, CitationRecord, Record
 
@@ -125,6 +126,53 @@ class FurtherTest(Record):
     """The sampled parameters."""
 
 
+class PosteriorFrequency(Record):
+    """A natural frequency of the model over the samples."""
+
+    configuration: str
+    """Name of the configuration."""
+    mode: int
+    """Number of the mode at the result of the update, from 1; rigid-body modes are counted."""
+    value_hz: float
+    """Frequency at the result of the update, Hz."""
+    median_hz: float
+    """Median, Hz."""
+    interval_95: tuple[float, float]
+    """Interval between the 2.5 % and the 97.5 % quantile, Hz."""
+    test_mode: str | None = None
+    """Label of the test mode that is paired with it at the result of the update."""
+    measured_hz: float | None = None
+    """Its frequency, Hz."""
+    used: bool = False
+    """Whether the update used it."""
+    measured_inside: bool | None = None
+    """Whether the measured frequency is in the 95 % interval of a measurement, with errors of the test as stated; None
+    where nothing was measured."""
+
+
+class PosteriorFunctions(Record):
+    """FRFs of a configuration over the samples; arrays have the positions of `outputs` and `inputs`."""
+
+    configuration: str
+    """Name of the configuration."""
+    kind: FrfKind
+    """Receptance, mobility or accelerance."""
+    outputs: tuple[str, ...]
+    """Response DOFs."""
+    inputs: tuple[str, ...]
+    """Reference DOFs."""
+    freq_key: str
+    """Key of the lines (f,), Hz."""
+    band_key: str
+    """Key of the 2.5 %, 50 % and 97.5 % quantiles of the magnitude (3, outputs, inputs, f)."""
+    test_values_key: str | None = None
+    """Key of the measured values (outputs, inputs, f), NaN where there are none."""
+    width_db: float
+    """Median width of the 95 % band over all lines, dB."""
+    measured_inside_percent: float | None = None
+    """Part of the measured lines in the band, in %."""
+
+
 class PosteriorResults(Record):
     """Samples of the distribution of the parameters after the test."""
 
@@ -198,6 +246,14 @@ class PosteriorResults(Record):
     """Standard deviation of the errors of a frequency in further tests, relative."""
     further: tuple[FurtherTest, ...] = ()
     """Configurations without a test, the one that would teach most first."""
+    predictions: int = 0
+    """Number of samples at which the model was solved for predictions."""
+    predictions_failed: int = 0
+    """Number of these at which it could not be solved."""
+    frequencies: tuple[PosteriorFrequency, ...] = ()
+    """Natural frequencies of all configurations over the samples, with errors of the model."""
+    functions: tuple[PosteriorFunctions, ...] = ()
+    """FRFs of `[response]` over the samples, with errors of the model."""
     linear_enough: bool = True
     """True if the intervals of linearised residuals agree with those of the samples."""
     tried: tuple[str, ...] = ()

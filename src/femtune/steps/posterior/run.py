@@ -5,14 +5,13 @@ from __future__ import annotations
 import base64
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femtune.errors import FemtuneError, Notice
-from femtune.executor import finish
+from femtune.errors import FemtuneError
 from femtune.journal.finished import FinishedRuns
 from femtune.journal.run_files import POSTERIOR_FILE
 from femtune.model import digest
@@ -30,9 +29,10 @@ from femtune.sampling import (
 from femtune.steps.posterior.centre import about_most_probable
 from femtune.steps.posterior.facts import OutsideOptimum, SampledFacts, posterior_results
 from femtune.steps.posterior.further import further_tests
+from femtune.steps.posterior.kept import KeptSolutions
 from femtune.steps.posterior.model_errors import none_of, unknown_changes
+from femtune.steps.posterior.predictions import Predicting
 from femtune.steps.posterior.problem import at_result, likelihood_of, sampler_of, solving_of, without_likelihood
-from femtune.steps.run_folder import unwritable
 from femtune.study.error_places import errors_at
 from femtune.study.executor import executor_of
 from femtune.study.study import solved_by
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from femtune.arrays import Reals
-    from femtune.executor import Executor
     from femtune.files.study_file import PosteriorTable
     from femtune.residuals import UpdateProblem
     from femtune.steps.posterior.record import PosteriorResults
@@ -99,28 +98,34 @@ def posterior_at(
         solving = solving_of(problem, result, reduced is not None)
         executor = executor_of(study, reduced=reduced is not None)
         rules = SamplingRules(table.draws, table.seed, table.gradients, sampling=table.sampling)
-        errors = none_of(len(solving.of(solving.at, False).residuals))
+        errors, changes = none_of(len(solving.of(solving.at, False).residuals)), None
         if table.discrepancy != "none":
             progress.step("posterior: effects of errors of the model", 0, None)
-            changes = unknown_changes(study, result, solving)
-            if isinstance(changes, str):
-                errors = replace(errors, reason=changes)
+            found = unknown_changes(study, result, solving)
+            if isinstance(found, str):
+                errors = replace(errors, reason=found)
             else:
+                changes = found
                 solving, errors = about_most_probable(changes, solving, result, table.noise, rules)
-        solutions = _Solutions(solving, executor, FinishedRuns(folder / POSTERIOR_FILE, _key(solving)), progress)
-        solutions.begin(study.file.study.journal)
+        file = FinishedRuns(folder / POSTERIOR_FILE, _key(solving))
+        kept = KeptSolutions(executor, file, progress, _line, _of_line)
+        kept.begin(study.file.study.journal)
+        solutions = _Solutions(solving, kept)
         likelihood = likelihood_of(solving, result, table.noise, errors)
         samples = sampler_of(solving, likelihood, rules, solutions, solutions.tell).run()
         starts, regions = _other_regions(study, update, problem, solving, samples, likelihood, table, progress)
         orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
         error = None if reduced is None else _full_error(full, result, samples, likelihood, solving.shift, progress)
         further, not_predicted = further_tests(study, samples, result.x, solving.moving, table.further_sd, progress)
+        predicting = Predicting(study, result.x, changes, errors, executor, progress)
+        predictions = predicting.run(samples, likelihood, solving.moving, folder, arrays)
     facts = SampledFacts(
         table=table, result=result, moving=solving.moving, samples=samples, likelihood=likelihood,
-        anew=np.array([solutions.anew(x) for x in samples.x]), recalled=solutions.recalled,
+        anew=np.array([solutions.anew(x) for x in samples.x]), recalled=kept.recalled,
         seconds=time.monotonic() - begun, executor=executor.words, starts=starts, regions=regions,
         errors=errors, left_out=_left_out(solving), reduced_orders=orders, full_error=error, further=further,
-        remarks=(*(n.what for n in solutions.remarks), *not_predicted),
+        remarks=(*(n.what for n in kept.remarks), *not_predicted, *predictions.remarks),
+        predictions=predictions,
     )  # fmt: skip
     return posterior_results(facts, arrays)
 
@@ -135,60 +140,26 @@ def _left_out(solving: Solving) -> tuple[str, ...]:
 
 @dataclass(eq=False)
 class _Solutions:
-    """The model at samples: by the executor, or from the journal of an earlier run."""
+    """The model at samples."""
 
     solving: Solving
-    executor: Executor
-    file: FinishedRuns
-    progress: Progress
-    known: dict[str, SolvedSample] = field(default_factory=dict)
-    earlier: frozenset[str] = frozenset()
-    recalled: int = 0
-    remarks: list[Notice] = field(default_factory=list)
-
-    def begin(self, resume: bool) -> None:
-        """Take over what an earlier run has solved (error ``run.unwritable``)."""
-        try:
-            lines = self.file.begin(resume)
-        except OSError as error:
-            raise unwritable(self.file.path.parent, error) from error
-        from_journal = ((str(line.get("run")), _of_line(line)) for line in lines)
-        self.known = {run: solved for run, solved in from_journal if solved is not None}
-        self.earlier = frozenset(self.known)
+    kept: KeptSolutions[SolvedSample]
 
     def tell(self, text: str) -> None:
         """What is done."""
-        self.progress.step(f"posterior: {text}", 0, None)
+        self.kept.progress.step(f"posterior: {text}", 0, None)
 
     def __call__(self, points: Sequence[Reals], derivatives: bool) -> list[Known | None]:
         """See `femtune.sampling.sampler.ModelAtSamples`."""
         keys = [_run(x, derivatives) for x in points]
-        known = {i: self.known[key] for i, key in enumerate(keys) if key in self.known}
         what = f"posterior: solutions with{'' if derivatives else 'out'} derivatives"
-        done = len(known)
-        self.recalled += sum(key in self.earlier for key in keys)
-        self.progress.step(what, done, len(keys))
-
-        def keep(number: int, solved: SolvedSample) -> None:
-            nonlocal done
-            try:
-                # kept before it is shown: whoever shows it may be interrupted
-                self.file.add({"run": keys[number], **_line(solved)})
-            except OSError as error:
-                raise unwritable(self.file.path.parent, error) from error
-            self.known[keys[number]] = solved
-            done += 1
-            self.progress.step(what, done, len(keys))
-
         tasks = [(np.array(x), derivatives) for x in points]
-        results = finish(
-            self.executor, self.solving, tasks, known, name="sample", finished=keep, remark=self.remarks.append
-        )
+        results = self.kept.solved(self.solving, tasks, keys, what, "sample")
         return [None if s.problem else Known(np.array(x), s.residuals, s.jacobian) for x, s in zip(points, results)]
 
     def anew(self, x: Reals) -> bool:
         """Whether the pairing is another one at a sample that was solved without derivatives."""
-        return self.known[_run(x, False)].paired_anew
+        return self.kept.known[_run(x, False)].paired_anew
 
 
 def _run(x: Reals, derivatives: bool) -> str:

@@ -147,6 +147,15 @@ class _Geometry:
             numbers[moved] = elements[middles.query(of.points[ends[moved]].mean(axis=1))[1]]
         return numbers
 
+    @property
+    def face_rows(self) -> NDArray[np.int64]:
+        """The face of the results that each face is; where the mesh was thinned, the one with the nearest middle."""
+        ends, of = np.where(self.mesh.faces < 0, -1, self.rows[self.mesh.faces]), self.frame
+        if np.array_equal(ends, of.faces):
+            return np.arange(len(ends))
+        middles = cKDTree(of.points[closed(of.faces)].mean(axis=1))
+        return np.asarray(middles.query(of.points[closed(ends)].mean(axis=1))[1])
+
 
 def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneView | None:
     shapes = [m.shapes for m in kept]
@@ -164,14 +173,38 @@ def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneVie
         configuration=shapes[0].configuration,
         note=" ".join(filter(None, (_sentence(shapes[0].simplified or mesh.sentence), _fewer(source, kept, stages)))),
         points=coordinates(points),
+        point_numbers=_numbers(source.array(shapes[0].point_numbers_key), geometry.rows),
         faces=whole(closed(mesh.faces)),
         edges=whole(_edges(mesh.faces, points)),
         lines=whole(mesh.lines[mesh.kinds == 0]),
         rigid=whole(mesh.lines[mesh.kinds != 0]),
         stages=tuple(stages),
         live=_live_shapes(source, shapes[-1].configuration, geometry, len(frame.points)),
+        **_structure_parts(source, shapes[0], geometry),
         **test,
     )
+
+
+def _numbers(numbers: NDArray[Any] | None, rows: NDArray[np.int64]) -> Packed | None:
+    return None if numbers is None else whole(numbers[rows])
+
+
+def _structure_parts(source: ReportSource, kept: ModeShapes, geometry: _Geometry) -> dict[str, Any]:
+    """Parts of lines and faces: the elements that have the same fields; {} where elements or fields are not known."""
+    of_lines, of_faces = source.array(kept.line_elements_key), source.array(kept.face_elements_key)
+    fields = [f for f in (source.results.model.fields if source.results.model else ()) if f.elements]
+    if of_lines is None or of_faces is None or not fields:
+        return {}
+    lines, faces = of_lines[geometry.lines], of_faces[geometry.face_rows]
+    numbers, which = np.unique(np.concatenate([lines, faces]), return_inverse=True)
+    spans = [np.array(f.elements) for f in fields]
+    has = np.array([((numbers[:, None] >= s[:, 0]) & (numbers[:, None] <= s[:, 1])).any(axis=1) for s in spans])
+    parts, part = np.unique(has.T, axis=0, return_inverse=True)
+    of = part.ravel()[which.ravel()]
+    return {
+        "line_parts": whole(of[: len(lines)]), "face_parts": whole(of[len(lines) :]),
+        "part_fields": tuple(tuple(f.field for f, there in zip(fields, one) if there) for one in parts),
+    }  # fmt: skip
 
 
 def _live_shapes(source: ReportSource, name: str, geometry: _Geometry, points: int) -> LiveShapesView | None:
@@ -298,6 +331,7 @@ def _test(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> dict[str,
     moved = np.einsum("pcs,sm->pcm", measured.motions, measured.test)
     return {
         "places": single(measured.places),
+        "place_numbers": _place_numbers(source.array(kept.sensor_nodes_key), place_of, len(measured.places)),
         "wire": whole(_wire(source.array(kept.wire_key), place_of, measured.places, frame)),
         "test": quantised(moved.real),
         "test_imaginary": quantised(moved.imag) if np.iscomplexobj(moved) else None,
@@ -305,6 +339,14 @@ def _test(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> dict[str,
         "test_freq_hz": comparison.mac_test_freq_hz,
         **_slopes(source, comparison),
     }
+
+
+def _place_numbers(nodes: NDArray[Any] | None, place_of: NDArray[np.int64], count: int) -> Packed | None:
+    if nodes is None:
+        return None
+    numbers, known = np.zeros(count, np.int64), place_of >= 0
+    numbers[place_of[known]] = nodes[known]
+    return whole(numbers)
 
 
 def _slopes(source: ReportSource, comparison: CorrelationResults) -> dict[str, Any]:

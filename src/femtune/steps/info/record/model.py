@@ -262,6 +262,9 @@ class UpdatableField(Record):
     """Usual lower bound of a factor on it."""
     upper: float
     """Usual upper bound of a factor on it."""
+    elements: tuple[tuple[int, int], ...] = ()
+    """Elements that have it: first and last numbers of spans of all elements; empty with more than 400 spans, and in
+    older results."""
 
 
 class ModelFacts(Record):

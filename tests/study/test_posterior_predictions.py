@@ -1,0 +1,190 @@
+"""[posterior] predictions: frequencies of all configurations and FRFs over the samples, with errors of the model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import femtune as ft
+from femtune.journal.run_files import PREDICTIONS_FILE
+from femtune.model import Configuration
+from femtune.sampling import Likelihood, NoiseGroup, NuisanceClass
+from femtune.steps.posterior.model_errors import ModelErrors
+from structures.wrong_property import FRAME
+
+from .cantilever import EI, TRUE, Bench, measured
+
+ONE = '[[parameter]]\nname = "E"\nfields = ["MAT1 1 E"]\nlower = 0.5\nupper = 2.0\n'
+TWO = """
+[[configuration]]
+name = "bare"
+test = "beam.uff"
+
+[[configuration]]
+name = "light"
+elements_off = [9]
+"""
+ASKED = """
+[residuals]
+frequency_sd = 0.02
+[posterior]
+noise = "stated"
+draws = 150
+starts = 0
+predictions = 150
+"""
+RESPONSE = """
+[response]
+inputs = ["5Y+"]
+outputs = ["3Y+", "5Y+"]
+from_hz = 2.0
+to_hz = 60.0
+lines = 30
+ratio = 0.02
+"""
+
+
+def test_drawn_changes_have_the_distribution_of_their_linear_model() -> None:
+    """With q ~ N(0, s²) and r = −Bq + e, the changes given r are normal; all of it in closed form."""
+    rng = np.random.default_rng(1)
+    B, sigma, s = rng.standard_normal((5, 2)), 0.7, np.array([0.3, 0.3])
+    group = NoiseGroup("frequency", np.arange(5), 5.0, True)
+    likelihood = Likelihood((group,), (NuisanceClass("stiffnesses", np.arange(2), (1e-3, 1.0)),), B)
+    r, theta = rng.standard_normal(5), np.log([sigma, s[0]])
+    drawn = np.array([likelihood.drawn_factors(r, theta, rng) for _ in range(4000)])
+    C = np.linalg.inv(B.T @ B / sigma**2 + np.diag(s**-2))
+    mean, scatter = -C @ B.T @ r / sigma**2, np.sqrt(C.diagonal() / len(drawn))
+    assert (np.abs(drawn.mean(axis=0) - mean) < 4.0 * scatter).all()
+    np.testing.assert_allclose(np.cov(drawn.T), C, atol=0.08 * C.diagonal().max())
+    np.testing.assert_allclose(likelihood.factors(r[None], theta[None])[0], mean, rtol=1e-10)
+
+
+def test_what_the_data_do_not_see_has_the_deviation_of_its_class() -> None:
+    """Three changes of one class, of which the data see the sum; and a class that they do not see."""
+    unit = np.array([[1.0], [1.0], [1.0], [0.0]]) / np.sqrt(3.0)
+    errors = ModelErrors(
+        (NuisanceClass("stiffnesses", np.arange(1), (5e-4, 1.0)),), np.ones((2, 1)), unit, np.full(4, 0.2),
+        0.2 * np.eye(4), np.zeros(4), tuple("abcd"), ("stiffnesses",) * 3 + ("masses",),
+    )  # fmt: skip
+    rng = np.random.default_rng(2)
+    drawn = np.array([errors.drawn(np.array([0.5]), np.array([0.1]), rng) for _ in range(4000)])
+    # what the data see is as given, in each draw
+    np.testing.assert_allclose(drawn[:, :3].sum(axis=1), 0.2 * 0.5 * np.sqrt(3.0), rtol=1e-10)
+    # the others are normal with s: of three changes two combinations are free
+    assert drawn[:, :3].std(axis=0) == pytest.approx(0.2 * 0.1 * np.sqrt(2.0 / 3.0), rel=0.05)
+    # log-uniform between the limits of a class that has no samples
+    log = np.log(np.median(np.abs(drawn[:, 3])) / 0.2)
+    assert log == pytest.approx(0.5 * np.log(5e-4 * 1.0) - 0.4, abs=0.5)
+
+
+@pytest.mark.slow
+def test_predicted_frequencies_in_closed_form(bench: Bench) -> None:
+    """One stiffness of the whole beam: all frequencies have half of its relative deviation."""
+    bench.write("beam.bdf", bench.text)
+    truth = bench.truth(())
+    bench.uff(bench.measure(truth))
+    study = bench.study(TWO + ONE + ASKED + 'discrepancy = "none"\n' + RESPONSE, test=None)
+    run = ft.run(study)
+    record = run.results.posterior
+    assert record is not None
+    assert (record.predictions, record.predictions_failed) == (150, 0)
+    (E,) = record.parameters
+    low, high = (np.sqrt(end / E.value) for end in E.interval_95)
+    assert {f.configuration for f in record.frequencies} == {"bare", "light"}
+    for f in record.frequencies:
+        # the ends of 150 other samples
+        assert f.interval_95[0] / f.value_hz == pytest.approx(low, abs=0.35 * (high - low))
+        assert f.interval_95[1] / f.value_hz == pytest.approx(high, abs=0.35 * (high - low))
+    bare = [f for f in record.frequencies if f.configuration == "bare"]
+    assert [f.test_mode for f in bare if f.test_mode] == ["1", "2", "3", "4"]
+    assert all(f.used and f.measured_inside for f in bare if f.test_mode)
+    light = modes_without_mass(truth)
+    for f, true in zip((f for f in record.frequencies if f.configuration == "light"), light):
+        assert f.test_mode is None
+        assert f.interval_95[0] < true < f.interval_95[1]
+    of_bare, of_light = record.functions
+    assert (of_bare.configuration, of_bare.outputs, of_bare.inputs) == ("bare", ("3Y+", "5Y+"), ("5Y+",))
+    hz, band = run.arrays[of_light.freq_key], run.arrays[of_light.band_key]
+    assert band.shape == (3, 2, 1, len(hz))
+    assert (band[0] <= band[1]).all()
+    assert (band[1] <= band[2]).all()
+    true = ft.respond(
+        truth, inputs=["5Y+"], outputs=["3Y+", "5Y+"], from_hz=2.0, to_hz=60.0, lines=30, ratio=0.02, units="m-kg-s",
+    )  # fmt: skip
+    size = np.abs(true.frfs.values)
+    bare_band = run.arrays[of_bare.band_key]
+    # the parameter is at the truth within its interval, and with it all lines are in the band
+    assert ((size >= 0.98 * bare_band[0]) & (size <= 1.02 * bare_band[2])).mean() > 0.9
+    page = run.report.read_text(encoding="utf-8") if run.report else ""
+    assert "Predicted frequencies" in page
+    assert "median and 95 % band of the magnitude" in page
+    # what was solved is not solved again
+    file = run.folder / PREDICTIONS_FILE
+    content = file.read_bytes()
+    lines = content.splitlines(keepends=True)
+    file.write_bytes(b"".join(lines[:100]))
+    again = ft.posterior(study)
+    other = again.results.posterior
+    assert other is not None
+    assert other.frequencies == record.frequencies
+    assert file.read_bytes() == content
+    np.testing.assert_array_equal(again.arrays[of_light.band_key], band)
+
+
+def modes_without_mass(deck: Path) -> np.ndarray:
+    """Frequencies of the cantilever without the mass at its tip."""
+    test = measured(deck, count=6, configuration=Configuration(elements_off=frozenset({9})))
+    return test.modes.freq_hz
+
+
+@pytest.mark.slow
+def test_a_mode_that_was_not_used_is_named(bench: Bench) -> None:
+    bench.write("beam.bdf", bench.text)
+    bench.uff(measured(bench.truth(TRUE), count=6))
+    held = '\n[[hold_out]]\nmodes = ["5", "6"]\n'
+    record = ft.posterior(bench.study(EI + ASKED + held)).results.posterior
+    assert record is not None
+    unused = [f for f in record.frequencies if f.test_mode in ("5", "6")]
+    assert [(f.used, f.measured_inside) for f in unused] == [(False, True), (False, True)]
+    assert any("Of 2 measured frequencies that the update did not use, 2 are in" in s for s in record.sentences)
+
+
+@pytest.mark.slow
+def test_predictions_contain_errors_of_the_model(tmp_path: Path) -> None:
+    """Unmeasured frequencies of a frame with one stiffness 20 % off: with errors of the data alone some are missed."""
+    truth = {"PBAR 1 I2": 1.1, "PBAR 3 I2": 0.9, "PBAR 4 I2": 1.15, "PBAR 2 I2": 1.2}
+    study = FRAME.study(tmp_path, truth)
+    rules = {"noise": "stated", "draws": 120, "starts": 0, "seed": 3, "predictions": 80}
+    widths = {}
+    for discrepancy in ("properties", "none"):
+        found = ft.posterior(study, posterior=rules | {"discrepancy": discrepancy}, update={"look_further": False})
+        record = found.results.posterior
+        assert record is not None
+        widths[discrepancy] = {
+            (f.configuration, f.mode): (f.interval_95[1] - f.interval_95[0]) / f.value_hz for f in record.frequencies
+        }
+    both = set(widths["properties"]) & set(widths["none"])
+    assert both
+    unmeasured = [widths["properties"][key] / widths["none"][key] for key in both]
+    assert np.median(unmeasured) > 1.1
+
+
+@pytest.mark.slow
+def test_what_cannot_be_predicted_is_told(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.write("beam.bdf", bench.text)
+    bench.uff(bench.measure(bench.truth(TRUE)))
+    asked = ASKED.replace("predictions = 150\n", "") + 'discrepancy = "none"\n'
+    monkeypatch.setattr("femtune.steps.posterior.predictions.MOST_DOFS", 10)
+    record = ft.posterior(bench.study(EI + asked)).results.posterior
+    assert record is not None
+    assert (record.frequencies, record.predictions) == ((), 0)
+    assert any("with more than 10 free DOFs" in s for s in record.sentences)
+    monkeypatch.setattr("femtune.steps.posterior.predictions.MOST_VALUES", 10)
+    asked = ASKED + 'discrepancy = "none"\n' + RESPONSE
+    record = ft.posterior(bench.study(EI + asked)).results.posterior
+    assert record is not None
+    assert record.frequencies
+    assert record.functions == ()
+    assert any("[response] asks for 60 values" in s for s in record.sentences)
