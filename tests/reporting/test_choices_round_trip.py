@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 import tomllib
 from pathlib import Path
 
@@ -51,7 +52,13 @@ def study(tmp_path: Path) -> Path:
 
 def _chosen(report: Path, profile: Path) -> str:
     """The file after choices by mouse and keyboard."""
+    ready = "!document.querySelector('#live') || !!document.querySelector('.livemodel[data-solved], #live .alert')"
     with opened(report, profile) as page:
+        # what comes late moves what is below it
+        for _ in range(100):
+            if page.value(ready):
+                break
+            time.sleep(0.1)
         cells = page.value("document.querySelectorAll('.chooser table.mac tbody tr')[0].cells.length - 1")
         page.click(".chooser table.mac button", 0)
         # test mode 3 with model mode 3, twice by the keyboard: never a pair

@@ -41,6 +41,8 @@ async function still(page) {
 }
 /** Fails unless the element soon looks as it did: a browser may draw a part of the page a few frames late. */
 async function looks(element, picture) {
+  // a picture scrolls the element into view: a button that comes to lie under the pointer looks different
+  await element.page().mouse.move(0, 0);
   for (let i = 0; i < 20; i++) {
     if (picture.equals(await element.screenshot())) return;
     await element.page().waitForTimeout(200);
@@ -95,6 +97,119 @@ test("shapes move while it plays, and stand when it is paused", async () => {
   assert.equal(await still(page), paused);
   await close();
 });
+
+test("the pointer shows number and motion of a point, and so do keys", async () => {
+  const { page, close } = await open(pages[0]);
+  await canvas(page).scrollIntoViewIfNeeded();
+  await settled(page);
+  const box = await canvas(page).boundingBox(), tip = page.locator(".viewer .tip"), told = new Set(), scene = (await viewOf(page)).scenes[0];
+  for (let i = 1; i < 20; i++) for (const y of [0.12, 0.25, 0.5]) {
+    await page.mouse.move(box.x + (i * box.width) / 20, box.y + y * box.height);
+    if (await tip.isVisible()) told.add(await tip.textContent());
+  }
+  assert.ok(told.size > 1, "points are found by the pointer");
+  for (const text of told) assert.match(text, /^(Test point \d+|Point \d+|Test): [\d.]+ % of the largest displacement$/);
+  await canvas(page).focus();
+  const stepped = new Set();
+  for (let i = 0; i < scene.points.shape[0]; i++) { await page.keyboard.press("n"); stepped.add((await tip.textContent()).split(":")[0]); }
+  assert.equal(stepped.size, scene.points.shape[0], "every point has a number of its own");
+  assert.ok(Array.from(stepped).every((name) => /^Point \d+$/.test(name)));
+  await close();
+});
+
+test("the motion is saved as a film and as pictures", async (t) => {
+  const { page, close } = await open(pages[0]);
+  await canvas(page).scrollIntoViewIfNeeded();
+  let download = page.waitForEvent("download");
+  await page.getByRole("button", { name: "Save the motion as PNG frames" }).click();
+  const archive = readFileSync(await (await download).path());
+  const names = archive.toString("latin1").match(/frame-\d\d\.png/g);
+  assert.equal(new Set(names).size, 36);
+  const starts = Array.from(archive.toString("latin1").matchAll(/\x89PNG/g), (m) => m.index);
+  assert.equal(starts.length, 36);
+  const pictures_ = new Set(starts.slice(0, 10).map((at, k) => archive.subarray(at, starts[k + 1] - 50).toString("base64").slice(0, 4000)));
+  assert.equal(pictures_.size, 10, "the pictures differ");
+  const maker = page.getByRole("button", { name: "Save the motion as a film" });
+  if (await maker.count()) {
+    download = page.waitForEvent("download");
+    await maker.click();
+    const film = readFileSync(await (await download).path());
+    assert.ok(film.length > 5000);
+    assert.ok(film.subarray(0, 4).equals(Buffer.from([0x1a, 0x45, 0xdf, 0xa3])) || film.subarray(4, 8).toString() === "ftyp");
+  } else t.diagnostic("this browser makes no films");
+  await close();
+});
+
+test("a cursor reads functions, as magnitude and phase and as a Nyquist plot, and shows the operating shape", async (t) => {
+  const path = pages.find((p) => /"operating":\{/.test(readFileSync(p, "utf8")));
+  if (!path) return t.skip("no page has functions at points of a geometry");
+  const { page, close } = await open(path);
+  const box = page.locator("#fit .functions"), plot = box.locator("svg.plot"), read = box.locator(".readout");
+  await plot.scrollIntoViewIfNeeded();
+  const frame = await plot.boundingBox();
+  await page.mouse.click(frame.x + 0.5 * frame.width, frame.y + 0.4 * frame.height);
+  const first = await read.textContent();
+  assert.match(first, /^[\d.]+ Hz: test [\d.e−]+ at −?[\d.]+°; identified test [\d.e−]+ at −?[\d.]+°$/);
+  assert.match(await page.locator(".viewer .shown").textContent(), /^Operating shape at [\d.]+ Hz, force at \S+: \d+ measured functions$/);
+  const shape = await still(page);
+  await plot.focus();
+  await page.keyboard.press("ArrowRight");
+  assert.notEqual(await read.textContent(), first);
+  for (let i = 0; i < 3; i++) await page.keyboard.press("Shift+ArrowRight");
+  assert.notEqual(await still(page), shape);
+  const d = await plot.locator("path[data-look=test]").first().getAttribute("d");
+  await box.getByRole("combobox", { name: /^Plot/ }).selectOption("Nyquist");
+  assert.notEqual(await plot.locator("path[data-look=test]").first().getAttribute("d"), d);
+  assert.equal(await plot.locator("circle.cursor").count(), 2);
+  assert.match(await plot.getAttribute("aria-label"), /Nyquist/);
+  await plot.focus();
+  await page.keyboard.press("Escape");
+  assert.equal(await read.textContent(), "");
+  assert.match(await page.locator(".viewer .shown").textContent(), /mode/i);
+  await close();
+});
+
+/** A browser of a telephone: fingers, and no mouse. */
+async function telephone(path, act) {
+  const own = await chromium.launch({ executablePath: found, args: [...software, "--blink-settings=primaryPointerType=2,availablePointerTypes=2,primaryHoverType=1,availableHoverTypes=1"] });
+  const opened = await open(path, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true }, own);
+  const session = await opened.page.context().newCDPSession(opened.page);
+  const touch = (type, ...points) => session.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+  await act({ ...opened, touch });
+  await opened.close();
+  await own.close();
+}
+
+for (const path of pages) {
+  test(`${named(path)}: targets of 44 px, two fingers that zoom, swipes that scroll`, async () => {
+    await telephone(path, async ({ page, touch }) => {
+      await page.waitForTimeout(1500);
+      const small = await page.evaluate(() => Array.from(document.querySelectorAll("button, select, summary, nav a")).filter((e) => e.checkVisibility?.() ?? e.offsetParent).map((e) => [e.getBoundingClientRect(), e])
+        .filter(([r]) => r.width > 0 && (r.width < 43.5 || r.height < 43.5)).map(([r, e]) => `${e.outerHTML.slice(0, 90)} ${r.width}×${r.height}`));
+      assert.deepEqual(small.slice(0, 5), []);
+      assert.equal(await page.evaluate(() => document.documentElement.scrollWidth - innerWidth), 0);
+      for (const one of [".viewer canvas", "svg.plot"]) {
+        const place = page.locator(one).first();
+        if (!(await place.count())) continue;
+        await place.evaluate((e) => e.scrollIntoView({ block: "center", behavior: "instant" }));
+        await settled(page);
+        const r = await place.boundingBox(), [x, y] = [r.x + r.width / 2, r.y + r.height / 2], at = await page.evaluate(() => scrollY);
+        const looks_ = () => place.evaluate((e) => (e.tagName === "CANVAS" ? e.toDataURL() : e.innerHTML)), before = await looks_();
+        await touch("touchStart", [x - 30, y], [x + 30, y]);
+        for (let k = 1; k < 8; k++) await touch("touchMove", [x - 30 - 8 * k, y], [x + 30 + 8 * k, y]);
+        await touch("touchEnd");
+        await settled(page);
+        assert.notEqual(await looks_(), before, `${one}: two fingers zoom`);
+        assert.equal(await page.evaluate(() => visualViewport.scale), 1);
+        await touch("touchStart", [x, y]);
+        for (let k = 1; k < 10; k++) { await touch("touchMove", [x, y - 25 * k]); await page.waitForTimeout(20); }
+        await touch("touchEnd");
+        await page.waitForTimeout(300);
+        assert.ok((await page.evaluate(() => scrollY)) > at + 60, `${one}: a swipe scrolls the page`);
+      }
+    });
+  });
+}
 
 test("it plays by itself where nothing speaks against motion", async () => {
   const { page, close } = await open(pages[0], { reducedMotion: "no-preference" });
@@ -608,6 +723,10 @@ test("the page answers questions about the region", async () => {
   }
   assert.ok(hz.Lowest[1] < hz.Lowest[0] && hz.Highest[1] > hz.Highest[0]);
   assert.ok(region && draws);
+  await panel.getByRole("button", { name: /^Lowest MAC/ }).click();
+  await told.filter({ hasText: "Lowest MAC of test mode" }).waitFor({ timeout: 60000 });
+  const [, lowest, updated] = /: ([\d.]+); updated ([\d.]+)\./.exec(await told.textContent());
+  assert.ok(Number(lowest) <= Number(updated));
   await panel.getByRole("button", { name: /^Models (that the data allow|within the limit)$/ }).click();
   await told.filter({ hasText: /Model 1 of|no source of such models/ }).waitFor({ timeout: 60000 });
   await close();
@@ -725,3 +844,113 @@ test("pairs, modes, sensors and parameters are chosen by pointer and keys, and s
     await close();
   }
 });
+
+/** The page whose live model has FRFs. */
+const functionsPage = () => pages.find((p) => /"functions":\[\{"kind"/.test(readFileSync(p, "utf8")));
+
+test("FRFs of the live model follow the sliders, beside those of the test and of the update", async (t) => {
+  const path = functionsPage();
+  if (!path) { t.skip("no page with FRFs of a live model"); return; }
+  const { page, close } = await open(path), panel = page.locator(".livemodel"), plot = panel.locator(".livefrfs svg.plot");
+  await page.waitForSelector(".livemodel[data-solved]");
+  const drawn = (look) => plot.locator(`path[data-look=${look}]`).first().getAttribute("d"), [test_, after, now] = await Promise.all(["test", "after", "live"].map(drawn));
+  assert.ok(test_.length > 500 && after.length > 500);
+  assert.equal(now, after, "at the update both are the same");
+  const total = () => panel.locator("table").nth(1).locator("tbody tr", { hasText: "frf" }).locator("td").allTextContents(), squares = await total();
+  assert.equal(squares[0], squares[1]);
+  await panel.locator("input[type=range]").first().focus();
+  await answered(panel, () => page.keyboard.press("PageUp"));
+  assert.notEqual(await drawn("live"), await drawn("after"));
+  assert.notDeepEqual(await total(), squares);
+  const which = panel.locator(".livefrfs select").first();
+  await answered(panel, () => which.selectOption({ index: 1 }));
+  assert.notEqual(await drawn("after"), after);
+  assert.match(await panel.locator(".livefrfs .note").last().evaluate((e) => e.parentElement.textContent), /Largest difference of a function from that of the full model .* at 4 points within the bounds/);
+  await close();
+});
+
+/** A Universal File of the test modes of a configuration of the page, with changes. */
+async function universal(page, { factor = 1, point = (n) => n } = {}) {
+  const c = (await viewOf(page)).live.configurations[0], bytes = Buffer.from(c.test_shapes.data, "base64"), modes = c.test_labels.length;
+  const value = (s, m) => bytes.readDoubleLE(8 * (s * modes + m)), rows = new Map();
+  c.sensor_labels.forEach((label, s) => { const [, node, axis, sign] = /^(\d+)(R?[XYZ])([+-])$/.exec(label), at = rows.get(node) ?? Array(6).fill(null); at[["X", "Y", "Z", "RX", "RY", "RZ"].indexOf(axis)] = { s, sign: sign === "-" ? -1 : 1 }; rows.set(node, at); });
+  const sets = c.test_freq_hz.map((f, m) => ["    -1", "    55", "t", "NONE", "NONE", "NONE", "NONE", "         1         2         3         8         2         6", `         2         4         1${String(m + 1).padStart(10)}`,
+    ` ${(factor * f).toExponential(5)} 1.0 0.0 0.0`, ...[...rows].flatMap(([node, at]) => [String(point(Number(node))).padStart(10), at.map((one) => (one ? (one.sign * (value(one.s, m) || 0)).toExponential(5) : "0.0")).join(" ")]), "    -1"].join("\n"));
+  return { c, text: `${sets.join("\n")}\n` };
+}
+
+test("a test that is dropped on the page is compared with the live model, and a bad file is a message", async () => {
+  const { page, panel, close } = await live();
+  const { c, text } = await universal(page), said = panel.locator(".dropped [role=status]"), rows = panel.locator(".dropped tbody tr");
+  const drop = (name, content) => page.evaluate(([n, t]) => { const data = new DataTransfer(); data.items.add(new File([t], n)); document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true })); }, [name, content]);
+  await answered(panel, () => drop("own.uff", text));
+  await rows.first().waitFor();
+  const first = await frequencies(panel), found = await rows.evaluateAll((all) => all.map((r) => Array.from(r.cells, (e) => e.textContent)));
+  assert.equal(found.length, c.test_labels.length);
+  assert.match(await said.textContent(), /^own\.uff: \d+ modes\./);
+  // the same modes as the test of the report: the same partners, frequencies and MAC
+  for (const [test, mode] of c.pairs) {
+    assert.equal(found[test][2], String(mode + 1));
+    assert.ok(Math.abs(Number(found[test][5]) - first[test][3]) < 0.0011, `${test}: ${found[test][5]} ${first[test][3]}`);
+  }
+  await panel.locator("input[type=range]").first().focus();
+  await answered(panel, () => page.keyboard.press("PageUp"));
+  assert.notDeepEqual(await rows.evaluateAll((all) => all.map((r) => r.cells[3].textContent)), found.map((r) => r[3]));
+  for (const [name, content, wanted] of [
+    ["nan.uff", text.replace(/\n *-?\d\.\d+e[+-]\d+ /, "\nNaN "), /nan\.uff: Line \d+: .* no finite number/],
+    ["cut.uff", text.slice(0, text.length / 2), /cut\.uff: Line \d+: data set 55 does not end/],
+    ["<img src=x onerror=alert(1)>.png", "\x89PNG", /<img src=x onerror=alert\(1\)>\.png: The file has no modes/],
+    ["rad.uff", (await universal(page, { factor: 2 * Math.PI * 20 })).text, /rad\/s|no partner/],
+    ["points.uff", (await universal(page, { point: (n) => n + 50000 })).text, /None of the points of the file is a sensor here\. The file has 50\d+X/],
+  ]) {
+    await drop(name, content);
+    await said.filter({ hasText: wanted }).waitFor({ timeout: 5000 });
+  }
+  await panel.locator(".dropped summary").scrollIntoViewIfNeeded();
+  await panel.locator(".dropped input[type=file]").setInputFiles({ name: "chosen.uff", mimeType: "text/plain", buffer: Buffer.from(text) });
+  await said.filter({ hasText: /^chosen\.uff/ }).waitFor();
+  await panel.getByRole("button", { name: "Remove the test" }).click();
+  assert.equal(await panel.locator(".dropped table:visible").count(), 0);
+  await close();
+});
+
+test("criteria follow the sliders, and say what keeps the values of the update", async () => {
+  const { panel, close } = await changed("criteria.html", (live) => {
+    const [c] = live.configurations, at = (quantity, limit, measured, at_most) => ({ name: `${quantity}, own criterion`, quantity, at_most, limit, unit: at_most ? "%" : "", measured, verdict: "pass", remark: "" });
+    // what the page finds at the update is what it must be told
+    c.criteria = [at("frequency", 1e3, c.wanted ?? 0, true), { ...at("", 0.9, 0.95, false), name: "cross-orthogonality" }];
+  });
+  assert.equal(await panel.getByRole("region", { name: "Criteria now" }).isVisible(), false, "a value that the page finds otherwise is not followed");
+  await close();
+  const worst = Math.max(...(await (async () => { const one = await live(), rows = await frequencies(one.panel); await one.close(); return rows.map((r) => Math.abs(r[2])).filter(Number.isFinite); })()));
+  const other = await changed("criteria2.html", (live) => {
+    live.configurations[0].criteria = [{ name: "frequency error, own criterion", quantity: "frequency", at_most: true, limit: worst + 1, unit: "%", measured: worst, verdict: "pass", remark: "" }, { name: "cross-orthogonality", quantity: "", at_most: false, limit: 0.9, unit: "", measured: 0.95, verdict: "pass", remark: "" }];
+  });
+  const region = other.panel.getByRole("region", { name: "Criteria now" });
+  assert.equal(await region.locator("tbody tr").count(), 1);
+  assert.equal(await region.locator("tbody td").last().textContent(), "pass");
+  assert.match(await other.panel.locator(".answers").textContent(), /One other criterion, the score and neighbour tests of the judge and the verdict of the report keep the values of the update\./);
+  await other.panel.locator("input[type=range]").first().focus();
+  await answered(other.panel, () => other.page.keyboard.press("End"));
+  assert.equal(await region.locator("tbody td").last().textContent(), "fail");
+  await other.close();
+});
+
+for (const [width, scheme, touch] of [[390, "light", true], [800, "dark", true], [1280, "light", false]]) {
+  test(`the live model with all of its parts open, ${width} pixels, ${scheme}${touch ? ", by touch" : ""}: fits, and axe-core finds nothing serious`, async () => {
+    const path = functionsPage() ?? pages[0], { page, close } = await open(path, { viewport: { width, height: 844 }, colorScheme: scheme, hasTouch: touch, isMobile: touch && width < 500 });
+    await page.waitForSelector(".livemodel[data-solved]");
+    const panel = page.locator(".livemodel");
+    for (const summary of await panel.locator("summary:visible").all()) await (touch ? summary.tap() : summary.click());
+    const slider = panel.locator("input[type=range]").first();
+    await slider.scrollIntoViewIfNeeded();
+    const box = await slider.boundingBox();
+    await answered(panel, () => (touch ? page.touchscreen : page.mouse)[touch ? "tap" : "click"](box.x + 0.8 * box.width, box.y + box.height / 2));
+    assert.equal(await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth), 0);
+    await page.locator("#live").screenshot({ path: join(pictures, `live-${scheme}-${width}.png`) });
+    await page.evaluate(axe);
+    const { violations } = await page.evaluate(() => globalThis.axe.run(document.getElementById("live"), { resultTypes: ["violations"] }));
+    assert.deepEqual(violations.filter((v) => ["serious", "critical"].includes(v.impact)).map((v) => `${v.id}: ${v.nodes.slice(0, 2).map((n) => n.html.slice(0, 120)).join(" | ")}`), []);
+    await close();
+  });
+}

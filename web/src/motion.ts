@@ -1,5 +1,7 @@
 // Motions as amplitudes: real and imaginary parts of (n, 3) vectors; what is shown is Re(u · e^{iφ}).
 
+import { solveDense } from "./dense.ts";
+
 export interface Motion { real: Float32Array; imaginary: Float32Array | null }
 
 /** Σ weight · column of motions, whose imaginary parts may be absent. */
@@ -36,6 +38,25 @@ export function minus(a: Motion, b: Motion): Motion {
   const part = (x: Float32Array | null, y: Float32Array | null) =>
     x || y ? Float32Array.from({ length: a.real.length }, (_, i) => (x ? x[i] : 0) - (y ? y[i] : 0)) : null;
   return { real: part(a.real, b.real)!, imaginary: part(a.imaginary, b.imaginary) };
+}
+
+/**
+ * The shortest motion of each point that agrees with complex values along directions (values, 3) at `rows` of the points;
+ * −1 stands for no point.
+ */
+export function measuredMotion(points: number, rows: number[], directions: ArrayLike<number>, real: number[], imaginary: number[]): Motion {
+  const out = { real: new Float32Array(3 * points), imaginary: new Float32Array(3 * points) };
+  for (const row of new Set(rows)) {
+    if (row < 0) continue;
+    const at = rows.map((r, k) => (r === row ? k : -1)).filter((k) => k >= 0);
+    const d = at.map((k) => [directions[3 * k], directions[3 * k + 1], directions[3 * k + 2]]);
+    const gram = d.map((a, i) => d.map((b, j) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + (i === j ? 1e-9 : 0)));
+    for (const [values, part] of [[real, out.real], [imaginary, out.imaginary]] as const) {
+      const weights = solveDense(gram, at.map((k) => values[k]));
+      for (let c = 0; c < 3; c++) part[3 * row + c] = weights.reduce((sum, w, i) => sum + w * d[i][c], 0);
+    }
+  }
+  return out;
 }
 
 /** (n,) length of the largest motion of each point: the root of the sum of squares of both parts. */

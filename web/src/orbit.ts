@@ -52,16 +52,22 @@ export function homeOf(sizes: number[]): [number, number] {
 
 /** Pointer, wheel and keys of an element turn the view; `changed` follows each change. */
 export function control(element: HTMLElement, orbit: () => Orbit, changed: () => void): void {
-  let last: [number, number] | null = null;
-  element.addEventListener("pointerdown", (e) => { last = [e.clientX, e.clientY]; element.setPointerCapture(e.pointerId); });
-  element.addEventListener("pointerup", () => { last = null; });
-  element.addEventListener("pointercancel", () => { last = null; });
+  // fingers, or the mouse; a swipe up or down belongs to the page, which scrolls (touch-action of the style)
+  const held = new Map<number, [number, number]>();
+  element.addEventListener("pointerdown", (e) => { held.set(e.pointerId, [e.clientX, e.clientY]); element.setPointerCapture(e.pointerId); });
+  for (const end of ["pointerup", "pointercancel"] as const) element.addEventListener(end, (e) => { held.delete(e.pointerId); });
   element.addEventListener("pointermove", (e) => {
+    const last = held.get(e.pointerId);
     if (!last) return;
+    const now = orbit(), before = Array.from(held.values());
+    held.set(e.pointerId, [e.clientX, e.clientY]);
     const [dx, dy] = [e.clientX - last[0], e.clientY - last[1]];
-    last = [e.clientX, e.clientY];
-    const now = orbit();
-    if (e.shiftKey || e.buttons === 4) now.pan = [now.pan[0] + (2 * dx) / element.clientHeight, now.pan[1] - (2 * dy) / element.clientHeight];
+    const pan = (x: number, y: number) => { now.pan = [now.pan[0] + (2 * x) / element.clientHeight, now.pan[1] - (2 * y) / element.clientHeight]; };
+    if (held.size > 1) {
+      const after = Array.from(held.values()), apart = ([a, b]: [number, number][]) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+      if (apart(before) > 10) now.magnify(apart(after) / apart(before));
+      pan(dx / 2, dy / 2);
+    } else if (e.shiftKey || e.buttons === 4) pan(dx, dy);
     else now.turn(0.01 * dx, 0.01 * dy);
     changed();
   });

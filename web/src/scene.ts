@@ -70,6 +70,29 @@ export class SceneOf {
     this.scale = (0.13 * this.size) / most;
   }
 
+  /** Take up a motion of the points that is no mode. */
+  chooseMotion(motion: Motion): void {
+    this.modelMotion = motion;
+    this.energy = this.testMotion = this.expandedMotion = null;
+    this.expandedSide?.show(false);
+    this.scale = (0.13 * this.size) / (largest(sizes(motion)) || 1);
+  }
+
+  /** Where the points of a side are now. */
+  now(side: "model" | "test"): Float32Array | null {
+    return side === "model" ? this.modelSide.now : this.testMotion ? this.testSide!.now : null;
+  }
+
+  /** The number of a point, its motion in % of the largest of the model, and its strain energy. */
+  point(side: "model" | "test", row: number): { number: number; percent: number; energy: number | null } | null {
+    const motion = side === "model" ? this.modelMotion : this.testMotion;
+    if (!motion) return null;
+    const own = (m: Motion) => Math.sqrt([0, 1, 2].reduce((sum, c) => sum + m.real[3 * row + c] ** 2 + (m.imaginary ? m.imaginary[3 * row + c] ** 2 : 0), 0));
+    const packed = side === "model" ? this.data.point_numbers : this.data.place_numbers;
+    const energy = side === "model" && this.energy ? this.energy.points[row] : null;
+    return { number: packed ? this.unpacked(packed)[row] : 0, percent: (100 * own(motion)) / (largest(sizes(this.modelMotion!)) || 1), energy };
+  }
+
   /** Take up a motion of the model that is in no stage, and a test mode with the factor from its shape to it. */
   chooseLive(motion: Float32Array, test: number | null, factor: number): void {
     this.modelMotion = { real: motion, imaginary: null };
@@ -154,7 +177,7 @@ export class SceneOf {
 }
 
 class ModelSide {
-  private readonly now: Float32Array;
+  readonly now: Float32Array;
   private readonly attribute: BufferAttribute;
   private readonly faces: Faces | null;
   private readonly lines: WideLines;
@@ -210,7 +233,7 @@ class ModelSide {
 }
 
 class TestSide {
-  private readonly now: Float32Array;
+  readonly now: Float32Array;
   private readonly attribute: BufferAttribute;
   private readonly wire: WideLines;
   private readonly dots: Dots;

@@ -1,18 +1,24 @@
 // The window with moving mode shapes: test and model of a pair side by side or over each other, in the same view.
 
 import { OrthographicCamera, Vector3, WebGLRenderer, type Scene } from "three";
-import { readView, unpack, type Stage, type View } from "./data.ts";
+import { readView, unpack, type Functions, type Stage, type View } from "./data.ts";
 import { scaleStops } from "./drawing.ts";
 import { choice, fileName, h, hertz, labelled, RIGID_HZ, save, shown } from "./dom.ts";
+import { linesOf, nearestLine } from "./functions.ts";
 import { MatrixGrid, type MatrixCell } from "./matrix.ts";
-import { box, strongest } from "./motion.ts";
+import { box, measuredMotion, strongest } from "./motion.ts";
 import { control, homeOf, Orbit } from "./orbit.ts";
+import { film, filmType, frames } from "./record.ts";
 import { SceneOf, type Chosen, type ColourBar, type Colouring, type Theme } from "./scene.ts";
 
 const COLOURINGS: [Colouring, string][] = [["displacement", "displacement"], ["energy", "strain energy"], ["difference", "difference to the test"]];
 /** A motion of the live model, the label of the test mode beside it, and the factor from its shape. */
 interface LiveDetail { motion: Float32Array; factor: number; test: string; title: string }
-const KEYS = "Drag to turn, shift and drag to move, wheel to zoom once the picture has the focus. Keys: arrows turn, + and − zoom, 0 resets the view, space starts and stops the motion.";
+const KEYS = "Drag to turn, shift and drag to move, wheel to zoom once the picture has the focus; with two fingers zoom and move. The pointer over a point, or a tap, shows its number and motion. Keys: arrows turn, + and − zoom, 0 resets the view, space starts and stops the motion, n and p go from point to point.";
+/** Pixels within which the pointer finds a point. */
+const NEAR = 16;
+/** A part of the canvas with one view: its place in CSS pixels from the top left, and half the height that it shows. */
+interface Pane { side: "model" | "test"; left: number; top: number; width: number; height: number; half: number }
 export class Viewer {
   readonly element: HTMLElement;
   private readonly dark = matchMedia("(prefers-color-scheme: dark)");
@@ -45,6 +51,12 @@ export class Viewer {
   private last = 0;
   private dirty = true;
   private last_: LiveDetail | null = null;
+  private panes: Pane[] = [];
+  private readonly tip = h("div", { class: "tip", role: "status" });
+  /** The point that is shown: its side and row. */
+  private point: ["model" | "test", number] | null = null;
+  /** What is shown instead of a mode. */
+  private operating = false;
 
   /** With `live` it shows the motions of the live model, and offers no others. */
   constructor(private readonly view: View, private readonly live = false) {
@@ -64,18 +76,25 @@ export class Viewer {
     this.colouring = choice("Colour", COLOURINGS.map(([, text]) => text), () => this.repaint());
     this.layout = choice("Windows", ["side by side", "overlaid"], () => this.redraw());
     const look = (name: string, azimuth: number, elevation: number) =>
-      h("button", { type: "button", "aria-label": `View along ${name}`, click: () => { this.orbit.look(azimuth, elevation); this.redraw(); } }, name);
+      h("button", { type: "button", "aria-label": `View along ${name}`, click: () => { this.orbit.look(azimuth, elevation); this.fit(); this.redraw(); } }, name);
     const views = h("span", { class: "views", role: "group", "aria-label": "View" },
       look("x", 0, 0), look("y", -Math.PI / 2, 0), look("z", -Math.PI / 2, Math.PI / 2),
-      h("button", { type: "button", click: () => { this.orbit.reset(); this.redraw(); } }, "reset"));
-    const picture = h("button", { type: "button", click: () => this.savePicture(), "aria-label": "Save picture as PNG" }, "PNG");
+      h("button", { type: "button", click: () => { this.orbit.reset(); this.fit(); this.redraw(); } }, "reset"));
+    const picture = h("span", { class: "views", role: "group", "aria-label": "Save" },
+      h("button", { type: "button", click: () => this.savePicture(), "aria-label": "Save picture as PNG" }, "PNG"),
+      ...(filmType() ? [h("button", { type: "button", click: (e) => void this.saveMotion(e.currentTarget, true), "aria-label": "Save the motion as a film" }, "film")] : []),
+      h("button", { type: "button", click: (e) => void this.saveMotion(e.currentTarget, false), "aria-label": "Save the motion as PNG frames" }, "frames"));
     const tools = h("div", { class: "controls" }, this.play, labelled("Phase", this.phase), labelled("Scale", this.scale),
       labelled("Speed", this.speed), this.colouring.label, this.layout.label, labelled("Arrows", this.arrows), views, picture);
-    const stage = h("div", { class: "stage" }, this.canvas, ...this.names);
+    const stage = h("div", { class: "stage" }, this.canvas, ...this.names, this.tip);
     const window_ = h("div", { class: "window" }, this.title, stage, this.legend, tools, this.remark, h("p", { class: "note", id: live ? "live-keys" : "viewer-keys" }, KEYS));
     const choices = h("div", { class: "side" }, h("div", { class: "controls" }, this.configuration.label, this.version.label), this.list);
     this.element = h("div", { class: live ? "viewer alone" : "viewer", role: "group", "aria-label": live ? "Moving mode shape of the live model" : "Moving mode shapes" }, ...(live ? [] : [choices]), window_);
     control(this.canvas, () => this.orbit, () => this.redraw());
+    this.canvas.addEventListener("pointermove", (e) => { if (!e.buttons) this.hover(e); });
+    this.canvas.addEventListener("pointerup", (e) => this.hover(e));
+    this.canvas.addEventListener("pointerleave", (e) => { if (e.pointerType === "mouse") this.tell(null); });
+    this.canvas.addEventListener("keydown", (e) => { if ((e.key === "n" || e.key === "p") && !e.ctrlKey && !e.metaKey) { e.preventDefault(); this.step(e.key === "n" ? 1 : -1); } });
     this.canvas.addEventListener("keydown", (e) => { if (e.key === " ") { e.preventDefault(); this.run(!this.running); } });
     this.dark.addEventListener("change", () => this.open(this.configuration.select.selectedIndex));
   }
@@ -116,6 +135,38 @@ export class Viewer {
 
   private get stage(): Stage { return this.scene.data.stages[this.version.select.selectedIndex]; }
 
+  /** The structure fills its window in this direction of view; room for half of the largest motion is left. */
+  private fit(): void {
+    const { points, size } = this.scene, middle = this.centre.toArray();
+    this.extent = this.orbit.axes().slice(0, 2).map((axis) => {
+      let most = 0;
+      for (let i = 0; i < points.length; i += 3) most = Math.max(most, Math.abs(axis[0] * (points[i] - middle[0]) + axis[1] * (points[i + 1] - middle[1]) + axis[2] * (points[i + 2] - middle[2])));
+      return 1.04 * most + 0.065 * size;
+    });
+  }
+
+  /** The operating shape of measured functions at a frequency; null returns to the mode. */
+  showOperating(functions: Functions, which: number, hz: number | null): void {
+    const { operating, curves } = functions, of = this.scene?.data;
+    if (!of?.test_only || !operating) return;
+    if (hz === null) { if (this.operating) this.choose(this.chosen); return; }
+    const at = operating.inputs.map((name, k) => (name === operating.inputs[which] && operating.rows[k] >= 0 ? k : -1)).filter((k) => k >= 0);
+    const directions = unpack(operating.directions), measured = curves.filter((c) => c.look === "test");
+    const values = at.map((k) => {
+      const [line] = linesOf(measured, k);
+      const i = line ? nearestLine(line.freq, hz) : 0;
+      return line ? [line.real[i], line.imaginary[i], line.freq[i]] : [0, 0, hz];
+    });
+    const along = at.flatMap((k) => Array.from(directions.subarray(3 * k, 3 * k + 3)));
+    const motion = measuredMotion(this.scene.points.length / 3, at.map((k) => operating.rows[k]), along, values.map((v) => v[0]), values.map((v) => v[1]));
+    this.scene.chooseMotion(motion);
+    this.operating = true;
+    this.title.textContent = `Operating shape at ${shown(values[0]?.[2] ?? hz, 5)} Hz, force at ${operating.inputs[which]}: ${at.length} measured functions`;
+    this.element.dataset.shown = "operating";
+    for (const b of this.list.querySelectorAll("button")) b.setAttribute("aria-pressed", "false");
+    this.repaint();
+  }
+
   private theme(): Theme {
     return this.dark.matches
       ? { dark: true, ink: "#d5dde5", rest: "#66727e", model: "#66a5d8", test: "#f0924c" }
@@ -127,9 +178,9 @@ export class Viewer {
     this.scene = new SceneOf(data, theme);
     const around = box(this.scene.points);
     this.centre = new Vector3(...around.map(([low, high]) => 0.5 * (low + high)));
-    const half = around.map(([low, high]) => 0.5 * (high - low));
-    this.orbit = new Orbit(homeOf(half));
-    this.extent = this.orbit.axes().slice(0, 2).map((axis) => 1.25 * axis.reduce((sum, a, i) => sum + Math.abs(a) * half[i], 0) + 0.02 * this.scene.size);
+    this.orbit = new Orbit(homeOf(around.map(([low, high]) => 0.5 * (high - low))));
+    this.fit();
+    this.tell(null);
     const stages = this.version.select;
     stages.replaceChildren(...data.stages.map((s) => h("option", {}, s.title)));
     stages.selectedIndex = data.stages.length - 1;
@@ -177,6 +228,8 @@ export class Viewer {
 
   private choose(chosen: Chosen): void {
     this.chosen = chosen;
+    this.operating = false;
+    this.tell(null);
     this.scene.choose(this.stage, chosen);
     const { stage } = this, { data } = this.scene;
     const ratio = stage.damping_ratio[chosen.column], damped = ratio == null ? "" : `, damping ${shown(100 * ratio, 3)} %`;
@@ -255,17 +308,30 @@ export class Viewer {
     this.names[0].textContent = overlaid ? "Test and model" : "Test";
     this.names[1].hidden ||= overlaid;
     this.renderer.setScissorTest(true);
-    if (both && !overlaid) {
+    this.panes = [];
+    // one over the other where both are larger then
+    const stacked = this.half(width / 2 / height) / height > 1.1 * (this.half((2 * width) / height) / (height / 2));
+    this.element.classList.toggle("stacked", both && !overlaid && stacked);
+    if (both && !overlaid && stacked) {
+      const half = Math.floor(height / 2);
+      this.render([this.scene.test], "test", 0, 0, width, half);
+      this.render([this.scene.model], "model", 0, half, width, height - half);
+    } else if (both && !overlaid) {
       const half = Math.floor(width / 2);
-      this.render([this.scene.test], 0, half, height);
-      this.render([this.scene.model], half, width - half, height);
-    } else this.render(both ? [this.scene.model, this.scene.test] : [this.scene.model], 0, width, height);
+      this.render([this.scene.test], "test", 0, 0, half, height);
+      this.render([this.scene.model], "model", half, 0, width - half, height);
+    } else {
+      this.render(both ? [this.scene.model, this.scene.test] : [this.scene.model], "model", 0, 0, width, height);
+      if (both) this.panes.push({ ...this.panes[0], side: "test" });
+    }
+    if (this.point) this.tell(this.point);
   }
 
-  private render(scenes: Scene[], left: number, width: number, height: number): void {
+  private render(scenes: Scene[], side: "model" | "test", left: number, top: number, width: number, height: number): void {
     const [right, up, out] = this.orbit.axes(), wide = width / height;
     // the whole structure as it was seen at first, also in a narrow window
-    const y = Math.max(this.extent[1], this.extent[0] / wide) / this.orbit.zoom, x = wide * y;
+    const y = this.half(wide) / this.orbit.zoom, x = wide * y;
+    this.panes.push({ side, left, top, width, height, half: y });
     Object.assign(this.camera, { left: -x, right: x, top: y, bottom: -y, near: 0, far: 20 * this.scene.size });
     const at = this.centre.clone().addScaledVector(new Vector3(...right), -this.orbit.pan[0] * y * 0.5).addScaledVector(new Vector3(...up), -this.orbit.pan[1] * y * 0.5);
     this.camera.up.set(...(up as [number, number, number]));
@@ -276,10 +342,82 @@ export class Viewer {
       const sun = scene.getObjectByName("sun")!;
       sun.position.set(0, 0, 0).addScaledVector(new Vector3(...out), 1).addScaledVector(new Vector3(...up), 0.6).addScaledVector(new Vector3(...right), -0.4);
     }
-    this.renderer.setViewport(left, 0, width, height);
-    this.renderer.setScissor(left, 0, width, height);
+    const bottom = this.canvas.clientHeight - top - height;
+    this.renderer.setViewport(left, bottom, width, height);
+    this.renderer.setScissor(left, bottom, width, height);
     this.renderer.clear();
     for (const scene of scenes) this.renderer.render(scene, this.camera);
+  }
+
+  /** Half the height that a window of this ratio of width to height shows. */
+  private half(wide: number): number { return Math.max(this.extent[1], this.extent[0] / wide); }
+
+  /** Places of the points of a pane on the canvas, in CSS pixels. */
+  private places(pane: Pane): Float32Array | null {
+    const now = this.scene.now(pane.side);
+    if (!now) return null;
+    const [right, up] = this.orbit.axes(), scale = pane.height / 2 / pane.half, c = this.centre.toArray(), [px, py] = this.orbit.pan;
+    const out = new Float32Array((2 * now.length) / 3);
+    for (let i = 0; 3 * i < now.length; i++) {
+      const d = [0, 1, 2].map((k) => now[3 * i + k] - c[k]), along = (a: number[]) => a[0] * d[0] + a[1] * d[1] + a[2] * d[2];
+      out[2 * i] = pane.left + pane.width / 2 + scale * (along(right) + px * pane.half * 0.5);
+      out[2 * i + 1] = pane.top + pane.height / 2 - scale * (along(up) + py * pane.half * 0.5);
+    }
+    return out;
+  }
+
+  /** The point under the pointer. */
+  private hover(e: PointerEvent): void {
+    const frame = this.canvas.getBoundingClientRect(), [x, y] = [e.clientX - frame.left, e.clientY - frame.top];
+    let best: ["model" | "test", number] | null = null, least = NEAR;
+    for (const pane of this.panes) {
+      const places = x >= pane.left && x <= pane.left + pane.width && y >= pane.top && y <= pane.top + pane.height ? this.places(pane) : null;
+      for (let i = 0; places && 2 * i < places.length; i++) {
+        const away = Math.hypot(places[2 * i] - x, places[2 * i + 1] - y);
+        if (away < least) [best, least] = [[pane.side, i], away];
+      }
+    }
+    this.tell(best);
+  }
+
+  /** The next point of the model, by the keyboard. */
+  private step(by: number): void {
+    const count = this.scene.points.length / 3, from = this.point?.[0] === "model" ? this.point[1] : by > 0 ? -1 : 0;
+    this.tell(["model", (from + by + count) % count]);
+  }
+
+  /** Number and motion of a point beside it. */
+  private tell(point: ["model" | "test", number] | null): void {
+    const pane = point && this.panes.find((p) => p.side === point[0]), facts = pane && this.scene.point(...point!), places = facts ? this.places(pane!) : null;
+    this.point = places ? point : null;
+    this.tip.hidden = !places;
+    if (!places) return;
+    const [side, row] = point!, name = facts!.number ? `${side === "test" || this.scene.data.test_only ? "Test point" : "Point"} ${facts!.number}` : side === "test" ? "Test" : "Point";
+    const energy = this.colouring.select.selectedIndex === 1 && facts!.energy !== null ? `, strain energy ${shown(facts!.energy, 3)} %` : "";
+    const text = `${name}: ${shown(facts!.percent, 3)} % of the largest displacement${energy}`;
+    if (this.tip.textContent !== text) this.tip.textContent = text;
+    const [x, y] = [places[2 * row], places[2 * row + 1]], left = x > this.canvas.clientWidth / 2;
+    Object.assign(this.tip.style, { top: `${Math.max(0, y + 10)}px`, left: left ? "auto" : `${x + 10}px`, right: left ? `${this.canvas.clientWidth - x + 10}px` : "auto" });
+  }
+
+  /** The motion as a film, or the pictures of a period. */
+  private async saveMotion(button: HTMLButtonElement, moving: boolean): Promise<void> {
+    const [phase, running] = [this.phase.value, this.running], words = button.textContent;
+    this.run(false);
+    this.tell(null);
+    button.disabled = true;
+    button.textContent = "…";
+    const at = (degrees: number) => { this.phase.value = String(degrees); this.draw(); };
+    try {
+      const blob = await (moving ? film : frames)(this.canvas, getComputedStyle(this.canvas.parentElement!).backgroundColor, at);
+      save(fileName(this.title.textContent ?? "", moving ? blob.type.split("/")[1] : "zip"), blob);
+    } finally {
+      button.textContent = words;
+      button.disabled = false;
+      this.phase.value = phase;
+      this.run(running);
+      this.redraw();
+    }
   }
 
   private savePicture(): void {
@@ -311,6 +449,11 @@ function install(): void {
   document.addEventListener("femtune:pair", (e) => {
     const { configuration, label } = (e as CustomEvent<{ configuration: string; label: string }>).detail;
     if (viewer.showPair(configuration, label)) viewer.element.scrollIntoView({ block: "start" });
+  });
+  document.addEventListener("femtune:cursor", (e) => {
+    const { section: of, which, hz } = (e as CustomEvent<{ section: string; which: number; hz: number | null }>).detail;
+    const functions = view.functions.find((f) => f.section === of);
+    if (functions) viewer.showOperating(functions, which, hz);
   });
 }
 

@@ -39,11 +39,11 @@ export function xlsx(rows: string[][]): Uint8Array<ArrayBuffer> {
 }
 
 /** Files in a ZIP file, stored. */
-function zip(files: [string, string][]): Uint8Array<ArrayBuffer> {
+export function zip(files: [string, string | Uint8Array][]): Uint8Array<ArrayBuffer> {
   const local: Uint8Array[] = [], central: Uint8Array[] = [];
   let at = 0;
-  for (const [path, text] of files) {
-    const name = new TextEncoder().encode(path), data = new TextEncoder().encode(text);
+  for (const [path, content] of files) {
+    const name = new TextEncoder().encode(path), data = typeof content === "string" ? new TextEncoder().encode(content) : content;
     // version 2.0, names in UTF-8, stored, time 0, day, checksum, both sizes, lengths of the name and of further fields
     const facts: [number, number][] = [[2, 20], [2, 0x800], [2, 0], [2, 0], [2, DAY], [4, crc32(data)], [4, data.length], [4, data.length], [2, name.length], [2, 0]];
     local.push(record([[4, 0x04034b50], ...facts]), name, data);

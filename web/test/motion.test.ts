@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { unpack, column, type Packed } from "../src/data.ts";
-import { combined, energyOf, minus, moved, shownFactor, sizes, strongest, times, triangles } from "../src/motion.ts";
+import { combined, energyOf, measuredMotion, minus, moved, shownFactor, sizes, strongest, times, triangles } from "../src/motion.ts";
 import { homeOf, Orbit } from "../src/orbit.ts";
 
 const pack = (type: Packed["type"], shape: number[], numbers: ArrayBufferView, scale: number[] = [], offset: number[] = []): Packed =>
@@ -86,3 +86,11 @@ test("the strain energy of a sum of modes is theirs, weighted by squares", () =>
 
 test("the parameters that move a frequency most, without those that hardly do", () =>
   assert.deepEqual(strongest(["a", "b", "c", "d"], [0.1, -0.4, 0.003, NaN], 3), [["b", -0.4], ["a", 0.1]]));
+
+test("the motion of a point is the shortest that its measured directions agree with", () => {
+  const directions = [1, 0, 0, 0, 0, -1, 0, Math.SQRT1_2, Math.SQRT1_2, 0, 1, 0];
+  const found = measuredMotion(3, [0, 0, 2, -1], directions, [2, 3, Math.SQRT2, 9], [0, 1, 0, 9]);
+  const near = (values: ArrayLike<number>, wanted: number[]) => wanted.forEach((v, i) => assert.ok(Math.abs(values[i] - v) < 1e-6, `${i}: ${values[i]}`));
+  near(found.real, [2, 0, -3, 0, 0, 0, 0, 1, 1]);
+  near(found.imaginary!, [0, 0, -1, 0, 0, 0, 0, 0, 0]);
+});

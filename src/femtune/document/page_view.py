@@ -117,6 +117,10 @@ class SceneView:
     face_parts: Packed | None = None
     part_fields: tuple[tuple[str, ...], ...] = ()
     """For each part the fields of the deck that all its elements have, as `FieldChoiceView.field` names them."""
+    point_numbers: Packed | None = None
+    """(points,) numbers of the grid points or of the points of the test."""
+    place_numbers: Packed | None = None
+    """(places,) numbers of the points of the test; 0 where a place is none."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +138,16 @@ class CurveView:
 
 
 @dataclass(frozen=True)
+class OperatingView:
+    """Where functions are measured: for each the row of a point of the scene (−1 for none), the direction (functions,
+    3) and its input, by which functions belong together."""
+
+    rows: tuple[int, ...]
+    directions: Packed
+    inputs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class FunctionsView:
     """Frequency response functions of one configuration, for a section of the page."""
 
@@ -143,6 +157,7 @@ class FunctionsView:
     curves: tuple[CurveView, ...]
     note: str = ""
     section: str = "responses"
+    operating: OperatingView | None = None
 
 
 @dataclass(frozen=True)
@@ -369,6 +384,54 @@ class LiveCheckView:
     x: tuple[float, ...]
     eigenvalues: tuple[float, ...]
     chi_square: float
+    functions: tuple[float, ...] = ()
+    """Sum of the squares of the magnitudes of each entry of the functions."""
+
+
+@dataclass(frozen=True)
+class LiveFunctionsView:
+    """Measured FRFs beside which those of the live model are drawn; see `LiveFunctions` of the results."""
+
+    kind: str
+    ordinate: str
+    look: str
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    freq_hz: Packed
+    test_real: Packed
+    test_imaginary: Packed
+    """(outputs, inputs, lines); 0 where nothing is compared."""
+    output_rows: Packed
+    input_rows: Packed
+    modes: int
+    ratios: tuple[float, ...]
+    ratios_hz: tuple[float, ...]
+    hysteretic: bool
+    loss_factor: float
+    si: float
+    """What a value is multiplied by to be in SI units."""
+    label: str
+    form: str
+    sd: Packed | None
+    shift: Packed | None
+    note: str
+    errors: tuple[tuple[str, int, float], ...]
+    """Where ("region" or "bounds"), points, and the largest difference from the full model in %."""
+
+
+@dataclass(frozen=True)
+class LiveCriterionView:
+    """An acceptance criterion with the value and the verdict of the update; `quantity` is "frequency", "mac", or ""
+    where the page does not compute it."""
+
+    name: str
+    quantity: str
+    at_most: bool
+    limit: float
+    unit: str
+    measured: float | None
+    verdict: str
+    remark: str
 
 
 @dataclass(frozen=True)
@@ -396,6 +459,9 @@ class LiveConfigurationView:
     bounds: tuple[LiveCertificateView, ...]
     """Beside the full model first, then beside a reduced one."""
     checks: tuple[LiveCheckView, ...]
+    functions: tuple[LiveFunctionsView, ...] = ()
+    functions_reason: str = ""
+    criteria: tuple[LiveCriterionView, ...] = ()
 
 
 @dataclass(frozen=True)

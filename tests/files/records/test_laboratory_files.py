@@ -429,6 +429,12 @@ def even(unit: str, step_s: float = 0.005) -> dict[str, object]:
     return {"wf_increment": step_s, "wf_samples": 64, "unit_string": unit}
 
 
+def test_labview_text_with_a_plain_table(tmp_path: Path) -> None:
+    heading = lvm().split("Channels")[0] + "Time\tHammer\tTop"
+    path = table(tmp_path, heading, T, FORCE, ONE, separator="\t", name="a.lvm")
+    check(read_record(path), [FORCE, ONE])
+
+
 def test_tdms(tmp_path: Path) -> None:
     path = tmp_path / "a.tdms"
     write_tdms(path, **{"Hammer": (FORCE, even("N")), "Acc 2Z+": (ONE, even("g")), "note": (np.array(["a", "b"]), {})})
@@ -615,6 +621,14 @@ def test_damaged_mdf(tmp_path: Path, content: bytes) -> None:
     with pytest.raises(FemtuneError) as caught:
         read_record(tmp_path / "a.MF4")
     assert caught.value.code in ("record.file", "record.too-large")
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.dat", "a"])
+def test_the_first_bytes_tell_the_format(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(lvm())
+    check(read_record(tmp_path / name), [FORCE, G * ONE])
+    (tmp_path / name).write_bytes(blocks_of_mdf())
+    assert read_record(tmp_path / name).samples == 64
 
 
 def test_mdf_of_version_3(tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ from femtune.document.page_view import (
     FUNCTION_BYTES,
     FunctionsView,
     InputView,
+    OperatingView,
     PageView,
     PickedView,
     SceneView,
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from femtune.document.document import Block, Level
+    from femtune.dofs import Dof
     from femtune.modal import ModeSet
     from femtune.steps.identify.record import (
         Identification,
@@ -341,7 +343,7 @@ def _scenes(made: IdentifyResult) -> Iterator[SceneView]:
     yield SceneView(
         configuration="test", note="", points=coordinates(frame.points), faces=whole(none), edges=whole(none[:, :2]),
         lines=whole(frame.lines), rigid=whole(none[:, :2]), stages=(stage,), test_labels=tuple(modes.labels),
-        test_only=True,
+        test_only=True, point_numbers=whole(np.asarray(geometry.nodes, np.int64)),
     )  # fmt: skip
 
 
@@ -368,7 +370,20 @@ def _functions(made: IdentifyResult) -> Iterator[FunctionsView]:
     note = f"The {len(shown)} functions{which}, of {len(order)}." if left else ""
     unit = frf_unit(measured.kind, unit_system(made.record.units))
     ordinate = f"{measured.kind.capitalize()}, {unit}"
-    yield FunctionsView("test", ordinate, tuple(titles), curves, note, section="fit")
+    dofs = [(measured.responses[a], str(measured.references[b])) for a, b in zip(i.tolist(), j.tolist())]
+    operating = _operating(identified.geometry, dofs)
+    yield FunctionsView("test", ordinate, tuple(titles), curves, note, section="fit", operating=operating)
+
+
+def _operating(geometry: WireFrame, functions: list[tuple[Dof, str]]) -> OperatingView | None:
+    """Places and directions of the responses; None where no response has a place."""
+    row = {int(node): k for k, node in enumerate(geometry.nodes)}
+    rows = tuple(row.get(dof.node, -1) if 1 <= dof.component <= 3 else -1 for dof, _ in functions)
+    if max(rows, default=-1) < 0:
+        return None
+    none = np.zeros(3)
+    directions = [geometry.direction(dof) if k >= 0 else none for k, (dof, _) in zip(rows, functions)]
+    return OperatingView(rows, single(np.array(directions)), tuple(name for _, name in functions))
 
 
 def _poles(made: IdentifyResult) -> Iterator[Block]:

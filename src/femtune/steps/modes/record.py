@@ -14,6 +14,8 @@ class ModeShapes(Record):
     """"before", "after" or "after as written"."""
     points_key: str | None = None
     """Key of the coordinates of the points that are drawn, shape (points, 3); None if no shapes were stored."""
+    point_numbers_key: str | None = None
+    """Key of the numbers of the grid points that are drawn, shape (points,); None in older results."""
     lines_key: str | None = None
     """Key of the lines, shape (lines, 2): rows of the points at both ends."""
     line_kinds_key: str | None = None
@@ -40,6 +42,8 @@ class ModeShapes(Record):
     """Key of the sensors' unit directions, or axes of rotation, shape (sensors, 3)."""
     sensor_rotations_key: str | None = None
     """Key of 1 for sensors that measure a rotation and 0 for others, shape (sensors,)."""
+    sensor_nodes_key: str | None = None
+    """Key of the numbers of the test's points, shape (sensors,); None in older results and without a test."""
     test_shapes_key: str | None = None
     """Key of the measured shapes, shape (sensors, test modes), modes as in CorrelationResults.mac_test_labels."""
     wire_key: str | None = None

@@ -101,6 +101,7 @@ def _geometry(configured: ConfiguredModel, mesh: DrawnMesh) -> Arrays:
     lines, faces = elements_at(configured.model.structure, configured.configuration.elements_off, mesh)
     return {
         "points": configured.model.structure.nodes.xyz[mesh.used],
+        "point_numbers": configured.model.structure.nodes.ids[mesh.used].astype(np.int64),
         "lines": counted.lines.astype(np.int32),
         "line_kinds": counted.kinds.astype(np.int8),
         "faces": counted.faces.astype(np.int32),
@@ -218,6 +219,7 @@ def _measured(case: StudyCase, solution: EigenSolution) -> dict[str, NDArray]:
     return {
         "sensor_positions": np.array([s[0] for s in seats]).reshape(-1, 3),
         "sensor_directions": np.array([s[1] for s in seats]).reshape(-1, 3),
+        "sensor_nodes": np.array([m.label.node for m in case.sensors.matches], dtype=np.int64),
         "sensor_rotations": np.array([m.label.component > 3 for m in case.sensors.matches], dtype=np.int8),
         "wire": _wire(case.test.geometry, case.sensors).astype(np.int32),
         "test_shapes": case.modal.test.shapes,

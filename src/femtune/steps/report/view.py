@@ -173,6 +173,7 @@ def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneVie
         configuration=shapes[0].configuration,
         note=" ".join(filter(None, (_sentence(shapes[0].simplified or mesh.sentence), _fewer(source, kept, stages)))),
         points=coordinates(points),
+        point_numbers=_numbers(source.array(shapes[0].point_numbers_key), geometry.rows),
         faces=whole(closed(mesh.faces)),
         edges=whole(_edges(mesh.faces, points)),
         lines=whole(mesh.lines[mesh.kinds == 0]),
@@ -182,6 +183,10 @@ def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneVie
         **_structure_parts(source, shapes[0], geometry),
         **test,
     )
+
+
+def _numbers(numbers: NDArray[Any] | None, rows: NDArray[np.int64]) -> Packed | None:
+    return None if numbers is None else whole(numbers[rows])
 
 
 def _structure_parts(source: ReportSource, kept: ModeShapes, geometry: _Geometry) -> dict[str, Any]:
@@ -326,6 +331,7 @@ def _test(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> dict[str,
     moved = np.einsum("pcs,sm->pcm", measured.motions, measured.test)
     return {
         "places": single(measured.places),
+        "place_numbers": _place_numbers(source.array(kept.sensor_nodes_key), place_of, len(measured.places)),
         "wire": whole(_wire(source.array(kept.wire_key), place_of, measured.places, frame)),
         "test": quantised(moved.real),
         "test_imaginary": quantised(moved.imag) if np.iscomplexobj(moved) else None,
@@ -333,6 +339,14 @@ def _test(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> dict[str,
         "test_freq_hz": comparison.mac_test_freq_hz,
         **_slopes(source, comparison),
     }
+
+
+def _place_numbers(nodes: NDArray[Any] | None, place_of: NDArray[np.int64], count: int) -> Packed | None:
+    if nodes is None:
+        return None
+    numbers, known = np.zeros(count, np.int64), place_of >= 0
+    numbers[place_of[known]] = nodes[known]
+    return whole(numbers)
 
 
 def _slopes(source: ReportSource, comparison: CorrelationResults) -> dict[str, Any]:
