@@ -12,6 +12,7 @@ Source: H. White (1982), Maximum likelihood estimation of misspecified models, E
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -133,20 +134,23 @@ def _of_parts(
     n, phase = len(variance), whole.force / np.abs(whole.force)
     normal = sum(_gram(slopes_of_function(now, f, variance)) for f in range(n))
     inverse = np.linalg.pinv(np.asarray(normal), hermitian=True)
-    moved, expected, shared = 0.0, 0.0, 0.0
+    q, bounds = len(inverse), [*begin.tolist(), samples]
+    moved, expected, shared = (
+        np.zeros((len(begin), q)),
+        np.zeros((len(begin), q, q)),
+        np.zeros((len(phase), q), complex),
+    )
     for f in range(n):
         effect = slopes_of_function(now, f, variance) @ inverse
         # the fit divides by the force; as part of the response an error is where it was
         error = _in_time(now.left[f] / np.sqrt(variance[f]) * phase, whole, samples)
         weight = _in_time((effect * phase[:, None]).T, whole, samples)
-        moved = moved + 0.5 * samples * np.add.reduceat(weight * error, begin, axis=1).T
-        both = [weight[:, a:b] @ weight[:, a:b].T for a, b in zip(begin, [*begin[1:], samples])]
-        expected = expected + 0.5 * samples * np.array(both)
-        shared = shared + (now.loaded[f] / np.sqrt(variance[f])).conj()[:, None] * effect
-    m = len(inverse) // 2
-    more = np.diag(inverse) + force * np.sum(np.abs(np.asarray(shared)) ** 2, axis=0)
-    raised = more / np.diag(inverse)
-    return np.asarray(moved), np.asarray(expected), np.maximum(raised[:m], raised[m:])
+        moved += 0.5 * samples * np.add.reduceat(weight * error, begin, axis=1).T
+        both = [weight[:, a:b] @ weight[:, a:b].T for a, b in pairwise(bounds)]
+        expected += 0.5 * samples * np.array(both)
+        shared += (now.loaded[f] / np.sqrt(variance[f])).conj()[:, None] * effect
+    raised = 1.0 + force * np.sum(np.abs(shared) ** 2, axis=0) / np.diag(inverse)
+    return moved, expected, np.maximum(raised[: q // 2], raised[q // 2 :])
 
 
 def _gram(slopes: Complexes) -> Reals:

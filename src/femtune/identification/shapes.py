@@ -294,8 +294,9 @@ def fit_remarks(fit: ModalFit, made: ScaledShapes, noise_only: Sequence[bool] | 
     if fit.by_parts is not None and fit.by_noise is not None:
         for r, (f, times, noise) in enumerate(zip(freq, fit.by_parts[inside], fit.by_noise[inside])):
             if times > 1.0:
-                facts = {"frequency_hz": float(f), "times": float(times), "wider": float(1.0 / noise)}
-                remarks.append(ModeRemark(r, Notice("identify.parts-disagree", **facts)))
+                wider = float(1.0 / noise)
+                notice = Notice("identify.parts-disagree", frequency_hz=float(f), times=float(times), wider=wider)
+                remarks.append(ModeRemark(r, notice))
     return tuple(sorted(remarks, key=lambda remark: remark.mode))
 
 
