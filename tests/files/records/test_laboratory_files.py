@@ -429,6 +429,12 @@ def even(unit: str, step_s: float = 0.005) -> dict[str, object]:
     return {"wf_increment": step_s, "wf_samples": 64, "unit_string": unit}
 
 
+def test_labview_text_with_a_plain_table(tmp_path: Path) -> None:
+    heading = lvm().split("Channels")[0] + "Time\tHammer\tTop"
+    path = table(tmp_path, heading, T, FORCE, ONE, separator="\t", name="a.lvm")
+    check(read_record(path), [FORCE, ONE])
+
+
 def test_tdms(tmp_path: Path) -> None:
     path = tmp_path / "a.tdms"
     write_tdms(path, **{"Hammer": (FORCE, even("N")), "Acc 2Z+": (ONE, even("g")), "note": (np.array(["a", "b"]), {})})
