@@ -54,8 +54,10 @@ if TYPE_CHECKING:
 _CHECKED_ON_FULL = 20
 """Samples at which the full model is solved beside a reduced one: the standard deviation of the difference is then
 known to a sixth."""
-_CHECKED_ON_LARGE, _LARGE = 4, 100_000
-"""The same above so many free DOFs, where a solution takes half a minute: it is known to a factor of two."""
+_CHECKED_ON_LARGE = 4
+"""The same where a solution takes half a minute: the deviation is known to a factor of two."""
+_LARGE = 100_000
+"""Free DOFs above which it does."""
 _AS_GOOD = 2.0
 """Difference of log likelihood to the lowest of the samples' upper 95 %, up to which another optimum counts: a region
 there has a seventh of the density of the edge of the samples, and may be wider."""
