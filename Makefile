@@ -109,9 +109,13 @@ web-check: web/node_modules/.stamp  ## types and tests of the scripts, and wheth
 
 # Beside the report of the building: responses with real and with complex modes, modes identified from the latter, and
 # what the examples have left.
-PAGES := ../examples/01_building/run/report.html:../build/responses.html:../build/damped.html:../build/identified/report.html
+PAGES := ../examples/01_building/run/report.html:../build/responses.html:../build/damped.html:../build/identified/report.html:../build/live/report.html
 LEFT_PAGES = $(shell for page in examples/cases/subframe/run/family_5000/run/report.html \
 	examples/cases/aeroplane_frfs/run/run/report.html; do [ -f "$$page" ] && printf ':../%s' "$$page"; done)
+# a study of measured FRFs, which its live model follows
+LIVE_STUDY := '[study]' 'title = "FRFs"' 'deck = "building.bdf"' 'units = "m-kg-s"' '[test]' 'file = "functions.uff"' \
+	'[[parameter]]' 'name = "Icx1"' 'fields = ["PBAR 1 I1"]' 'lower = 0.5' 'upper = 2.0' \
+	'[[residual]]' 'kind = "frf"' 'ratio = 0.01' '[write]' 'deck = false'
 RESPOND := $(BIN)/femtune respond --quiet --input 301X+ --from 1 --to 20 --step 0.05
 
 browser: $(VENV)/.stamp-test  ## check the newest report (or REPORT=path) in headless Chromium
@@ -121,7 +125,10 @@ browser: $(VENV)/.stamp-test  ## check the newest report (or REPORT=path) in hea
 	  sed 's/^ENDDATA/CDAMP2,9001,4000.,301,1\nCDAMP2,9002,6000.,303,2\nENDDATA/' examples/01_building/building.bdf > build/damped.bdf && \
 	  $(RESPOND) build/damped.bdf $(addprefix --output ,201X+ 201Y+ 203X+ 203Y+ 301X+ 301Y+ 303X+ 303Y+) --units m-kg-s \
 	    --uff build/damped.uff --report build/damped.html && \
-	  $(BIN)/femtune identify build/damped.uff --order 20 --output build/identified --quiet && cd web && \
+	  $(BIN)/femtune identify build/damped.uff --order 20 --output build/identified --quiet && \
+	  $(RESPOND) examples/01_building/building.bdf --output 301X+ --output 202Y+ --output 203X+ --ratio 0.01 --units m-kg-s \
+	    --uff build/functions.uff && cp examples/01_building/building.bdf build/ && printf '%s\n' $(LIVE_STUDY) > build/live.toml && \
+	  $(BIN)/femtune run build/live.toml --output build/live --quiet && cd web && \
 	  FEMTUNE_PAGES="$(or $(REPORT),$(PAGES)$(LEFT_PAGES))" npm run --silent browser; \
 	else echo "SKIPPED: no npm on this machine, the page was not used in a browser"; fi
 

@@ -62,6 +62,23 @@ def test_longer_fragments_count_more():
     assert found.modes.freq_sd_hz == pytest.approx([np.sqrt((3.0 * 0.01**2 + 0.03**2) / 4.0)])
 
 
+def with_sd(sd_hz: float, freqs: tuple[float, ...]) -> list[Estimate]:
+    sets = [ModeSet(np.array([f]), SHAPES[:, :1], DOFS, freq_sd_hz=np.array([sd_hz])) for f in freqs]
+    return [Estimate("a", i, one, 1.0) for i, one in enumerate(sets)]
+
+
+def test_deviations_of_the_method_count_where_fragments_are_few():
+    """Unless they scatter far more than the method states; many fragments are a measure of their own."""
+    for sd_hz, freqs, expected in (
+        (0.01, (3.0, 3.001, 3.002), 0.01 / 3**0.5),
+        (0.001, (3.0, 3.02, 3.04), 0.02 / 3**0.5),
+        (0.01, (3.0, 3.002) * 10, np.std((3.0, 3.002) * 10, ddof=1) / 20**0.5),
+        (0.01, (3.0,), 0.01),
+    ):
+        found = combine(with_sd(sd_hz, freqs))
+        assert found.modes.freq_sd_hz == pytest.approx([expected])
+
+
 def test_one_fragment_gives_no_deviation():
     assert np.isnan(combine(estimates(1, 0.0)).modes.freq_sd_hz).all()
 

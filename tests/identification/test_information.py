@@ -29,8 +29,8 @@ def chosen_with(frfs: FrfSet) -> tuple[list[float], list[float]]:
     )
     fit = fit_modes(frfs, chosen_poles(few, table).poles)
 
-    def refit(inside: np.ndarray, outside: np.ndarray) -> Any:
-        return fit_modes(frfs, inside, neighbours=outside)
+    def refit(inside: np.ndarray, outside: np.ndarray, below: float) -> Any:
+        return fit_modes(frfs, inside, neighbours=outside, below=below)
 
     fit, kept = with_needed_modes(fit, few, table, refit)
     assert int(fit.reported.sum()) == sum(c.chosen for c in kept)

@@ -89,3 +89,12 @@ def test_channels_out_of_phase_are_judged_by_their_own_size() -> None:
     )
     (notice,) = quadrature_notices(shapes, ["a", "b", "c", "d"])
     assert notice.what.endswith("that of the others: c")
+
+
+def test_large_damping_that_a_record_determines_is_no_doubt() -> None:
+    ratio, sd = np.array([0.15, 0.15, 0.25, 0.103]), np.array([0.003, 0.03, 0.003, 0.002])
+    told = [r.mode for r in damping_remarks([1.0, 2.0, 3.0, 4.0], ratio, sd, [True] * 4)]
+    # known to a fiftieth; known to a fifth only; above what any mode has; not above the limit by two deviations
+    assert told == [1, 2]
+    assert [r.mode for r in damping_remarks([1.0, 2.0, 3.0, 4.0], ratio, sd, [False] * 4)] == [0, 1, 2]
+    assert [r.mode for r in damping_remarks([1.0, 2.0, 3.0, 4.0], ratio)] == [0, 1, 2, 3]

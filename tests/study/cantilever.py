@@ -72,6 +72,31 @@ TRUE = (("PBAR    1       1       1.0-3   2.0-7 ", "PBAR    1       1       1.0-
 """The root of the real beam is 1.3 times, its tip 0.85 times as stiff as in the deck."""
 
 
+_ROOT, _TIP = ("1.0-3   2.0-7   5.0-7   4.0-7           $ root", "1.0-3   2.0-7   5.0-7   4.0-7           $ tip")
+
+
+def fine(elements: int) -> str:
+    """The cantilever as a mesh of bars."""
+    grids = "".join(f"GRID    {i + 1:<8d}        {i / elements:<8.5f}0.0     0.0\n" for i in range(elements + 1))
+    bars = "".join(
+        f"CBAR    {i:<8d}{1 + (2 * i > elements):<8d}{i:<8d}{i + 1:<8d}0.0     1.0     0.0\n"
+        for i in range(1, elements + 1)
+    )
+    return (
+        f"SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n{grids}MAT1    1       2.1+11          0.3     7850.\n"
+        f"PBAR    1       1       {_ROOT}\nPBAR    2       1       {_TIP}\n{bars}"
+        f"CONM2   99      {elements + 1:<8d}        2.0\nSPC1    1       123456  1\nENDDATA\n"
+    )
+
+
+def with_factors(text: str, root: float, tip: float) -> str:
+    """A deck with both second moments of area times factors."""
+    for old, factor in ((_ROOT, root), (_TIP, tip)):
+        assert old in text
+        text = text.replace(old, old.replace("2.0-7   ", f"{2.0 * factor:.3f}-7 ", 1))
+    return text
+
+
 @dataclass
 class Bench:
     """A folder in which decks, tests and studies are put together."""

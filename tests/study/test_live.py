@@ -14,33 +14,11 @@ from femtune.steps.live.stored import stored_model
 from femtune.steps.report.build import build_report
 from femtune.steps.run.result import RunResult
 
-from .cantilever import CANTILEVER, Bench, bounded, modes_of_deck
+from .cantilever import CANTILEVER, Bench, bounded, fine, modes_of_deck, with_factors
 
 pytestmark = pytest.mark.slow
 
-_ROOT, _TIP = ("1.0-3   2.0-7   5.0-7   4.0-7           $ root", "1.0-3   2.0-7   5.0-7   4.0-7           $ tip")
 _EI = f"\n{bounded('root', 'PBAR 1 I1')}\n{bounded('tip', 'PBAR 2 I1')}\n"
-
-
-def _fine(elements: int) -> str:
-    """The cantilever as a mesh of bars."""
-    grids = "".join(f"GRID    {i + 1:<8d}        {i / elements:<8.5f}0.0     0.0\n" for i in range(elements + 1))
-    bars = "".join(
-        f"CBAR    {i:<8d}{1 + (2 * i > elements):<8d}{i:<8d}{i + 1:<8d}0.0     1.0     0.0\n"
-        for i in range(1, elements + 1)
-    )
-    return (
-        f"SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n{grids}MAT1    1       2.1+11          0.3     7850.\n"
-        f"PBAR    1       1       {_ROOT}\nPBAR    2       1       {_TIP}\n{bars}"
-        f"CONM2   99      {elements + 1:<8d}        2.0\nSPC1    1       123456  1\nENDDATA\n"
-    )
-
-
-def _with(text: str, root: float, tip: float) -> str:
-    for old, factor in ((_ROOT, root), (_TIP, tip)):
-        assert old in text
-        text = text.replace(old, old.replace("2.0-7   ", f"{2.0 * factor:.3f}-7 ", 1))
-    return text
 
 
 def _worst(run: RunResult, folder: Path, text: str, count: int) -> tuple[float, float]:
@@ -52,7 +30,7 @@ def _worst(run: RunResult, folder: Path, text: str, count: int) -> tuple[float, 
     model, errors = stored_model(live, one.configuration, run.arrays), []
     for i, (root, tip) in enumerate(np.random.default_rng(7).uniform(0.5, 2.0, (10, 2)).round(3)):
         deck = folder / f"point_{i}.bdf"
-        deck.write_text(_with(text, root, tip), encoding="ascii")
+        deck.write_text(with_factors(text, root, tip), encoding="ascii")
         errors.append(
             np.abs(model.modes(np.array([root, tip]) - 1.0).freq_hz / modes_of_deck(deck, count)[0] - 1.0).max()
         )
@@ -143,7 +121,7 @@ def test_an_added_mass_is_that_of_a_deck_with_it(small: RunResult, bench: Bench)
     (one,) = live.configurations
     assert one.mass_points == ("grid 2", "grid 3", "grid 4", "grid 5")
     rows = small.arrays[one.mass_rows_key or ""][1]
-    text = _with(CANTILEVER, 1.5, 0.75).replace("SPC1 ", "CONM2   10      3               1.5\nSPC1 ")
+    text = with_factors(CANTILEVER, 1.5, 0.75).replace("SPC1 ", "CONM2   10      3               1.5\nSPC1 ")
     deck = bench.write("heavy.bdf", text)
     found = stored_model(live, one.configuration, small.arrays).modes(np.array([0.5, -0.25]), np.sqrt(1.5) * rows)
     np.testing.assert_allclose(found.freq_hz, modes_of_deck(deck, one.count)[0], rtol=1e-5)
@@ -204,7 +182,7 @@ def test_it_can_be_refused(bench: Bench) -> None:
 
 
 def test_a_larger_model_is_not_made_unasked(bench: Bench) -> None:
-    text = _fine(48)
+    text = fine(48)
     bench.write("fine.bdf", text)
     live = ft.run(bench.study(_EI, deck="fine.bdf"), output=bench.folder / "unasked").results.live
     assert live is not None
@@ -216,7 +194,7 @@ def test_a_larger_model_is_not_made_unasked(bench: Bench) -> None:
 
 @pytest.mark.parametrize("more", ["[output]\nlive = true\n", "[reduction]\n"])
 def test_larger_models_are_reduced_and_checked(bench: Bench, more: str) -> None:
-    text = _fine(48)
+    text = fine(48)
     bench.write("fine.bdf", text)
     run = ft.run(bench.study(f"{_EI}\n{more}", deck="fine.bdf"), output=bench.folder / f"larger_{len(more)}")
     live = run.results.live

@@ -840,3 +840,113 @@ test("pairs, modes, sensors and parameters are chosen by pointer and keys, and s
     await close();
   }
 });
+
+/** The page whose live model has FRFs. */
+const functionsPage = () => pages.find((p) => /"functions":\[\{"kind"/.test(readFileSync(p, "utf8")));
+
+test("FRFs of the live model follow the sliders, beside those of the test and of the update", async (t) => {
+  const path = functionsPage();
+  if (!path) { t.skip("no page with FRFs of a live model"); return; }
+  const { page, close } = await open(path), panel = page.locator(".livemodel"), plot = panel.locator(".livefrfs svg.plot");
+  await page.waitForSelector(".livemodel[data-solved]");
+  const drawn = (look) => plot.locator(`path[data-look=${look}]`).first().getAttribute("d"), [test_, after, now] = await Promise.all(["test", "after", "live"].map(drawn));
+  assert.ok(test_.length > 500 && after.length > 500);
+  assert.equal(now, after, "at the update both are the same");
+  const total = () => panel.locator("table").nth(1).locator("tbody tr", { hasText: "frf" }).locator("td").allTextContents(), squares = await total();
+  assert.equal(squares[0], squares[1]);
+  await panel.locator("input[type=range]").first().focus();
+  await answered(panel, () => page.keyboard.press("PageUp"));
+  assert.notEqual(await drawn("live"), await drawn("after"));
+  assert.notDeepEqual(await total(), squares);
+  const which = panel.locator(".livefrfs select").first();
+  await answered(panel, () => which.selectOption({ index: 1 }));
+  assert.notEqual(await drawn("after"), after);
+  assert.match(await panel.locator(".livefrfs .note").last().evaluate((e) => e.parentElement.textContent), /Largest difference of a function from that of the full model .* at 4 points within the bounds/);
+  await close();
+});
+
+/** A Universal File of the test modes of a configuration of the page, with changes. */
+async function universal(page, { factor = 1, point = (n) => n } = {}) {
+  const c = (await viewOf(page)).live.configurations[0], bytes = Buffer.from(c.test_shapes.data, "base64"), modes = c.test_labels.length;
+  const value = (s, m) => bytes.readDoubleLE(8 * (s * modes + m)), rows = new Map();
+  c.sensor_labels.forEach((label, s) => { const [, node, axis, sign] = /^(\d+)(R?[XYZ])([+-])$/.exec(label), at = rows.get(node) ?? Array(6).fill(null); at[["X", "Y", "Z", "RX", "RY", "RZ"].indexOf(axis)] = { s, sign: sign === "-" ? -1 : 1 }; rows.set(node, at); });
+  const sets = c.test_freq_hz.map((f, m) => ["    -1", "    55", "t", "NONE", "NONE", "NONE", "NONE", "         1         2         3         8         2         6", `         2         4         1${String(m + 1).padStart(10)}`,
+    ` ${(factor * f).toExponential(5)} 1.0 0.0 0.0`, ...[...rows].flatMap(([node, at]) => [String(point(Number(node))).padStart(10), at.map((one) => (one ? (one.sign * (value(one.s, m) || 0)).toExponential(5) : "0.0")).join(" ")]), "    -1"].join("\n"));
+  return { c, text: `${sets.join("\n")}\n` };
+}
+
+test("a test that is dropped on the page is compared with the live model, and a bad file is a message", async () => {
+  const { page, panel, close } = await live();
+  const { c, text } = await universal(page), said = panel.locator(".dropped [role=status]"), rows = panel.locator(".dropped tbody tr");
+  const drop = (name, content) => page.evaluate(([n, t]) => { const data = new DataTransfer(); data.items.add(new File([t], n)); document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true })); }, [name, content]);
+  await answered(panel, () => drop("own.uff", text));
+  await rows.first().waitFor();
+  const first = await frequencies(panel), found = await rows.evaluateAll((all) => all.map((r) => Array.from(r.cells, (e) => e.textContent)));
+  assert.equal(found.length, c.test_labels.length);
+  assert.match(await said.textContent(), /^own\.uff: \d+ modes\./);
+  // the same modes as the test of the report: the same partners, frequencies and MAC
+  for (const [test, mode] of c.pairs) {
+    assert.equal(found[test][2], String(mode + 1));
+    assert.ok(Math.abs(Number(found[test][5]) - first[test][3]) < 0.0011, `${test}: ${found[test][5]} ${first[test][3]}`);
+  }
+  await panel.locator("input[type=range]").first().focus();
+  await answered(panel, () => page.keyboard.press("PageUp"));
+  assert.notDeepEqual(await rows.evaluateAll((all) => all.map((r) => r.cells[3].textContent)), found.map((r) => r[3]));
+  for (const [name, content, wanted] of [
+    ["nan.uff", text.replace(/\n *-?\d\.\d+e[+-]\d+ /, "\nNaN "), /nan\.uff: Line \d+: .* no finite number/],
+    ["cut.uff", text.slice(0, text.length / 2), /cut\.uff: Line \d+: data set 55 does not end/],
+    ["<img src=x onerror=alert(1)>.png", "\x89PNG", /<img src=x onerror=alert\(1\)>\.png: The file has no modes/],
+    ["rad.uff", (await universal(page, { factor: 2 * Math.PI * 20 })).text, /rad\/s|no partner/],
+    ["points.uff", (await universal(page, { point: (n) => n + 50000 })).text, /None of the points of the file is a sensor here\. The file has 50\d+X/],
+  ]) {
+    await drop(name, content);
+    await said.filter({ hasText: wanted }).waitFor({ timeout: 5000 });
+  }
+  await panel.locator(".dropped summary").scrollIntoViewIfNeeded();
+  await panel.locator(".dropped input[type=file]").setInputFiles({ name: "chosen.uff", mimeType: "text/plain", buffer: Buffer.from(text) });
+  await said.filter({ hasText: /^chosen\.uff/ }).waitFor();
+  await panel.getByRole("button", { name: "Remove the test" }).click();
+  assert.equal(await panel.locator(".dropped table:visible").count(), 0);
+  await close();
+});
+
+test("criteria follow the sliders, and say what keeps the values of the update", async () => {
+  const { panel, close } = await changed("criteria.html", (live) => {
+    const [c] = live.configurations, at = (quantity, limit, measured, at_most) => ({ name: `${quantity}, own criterion`, quantity, at_most, limit, unit: at_most ? "%" : "", measured, verdict: "pass", remark: "" });
+    // what the page finds at the update is what it must be told
+    c.criteria = [at("frequency", 1e3, c.wanted ?? 0, true), { ...at("", 0.9, 0.95, false), name: "cross-orthogonality" }];
+  });
+  assert.equal(await panel.getByRole("region", { name: "Criteria now" }).isVisible(), false, "a value that the page finds otherwise is not followed");
+  await close();
+  const worst = Math.max(...(await (async () => { const one = await live(), rows = await frequencies(one.panel); await one.close(); return rows.map((r) => Math.abs(r[2])).filter(Number.isFinite); })()));
+  const other = await changed("criteria2.html", (live) => {
+    live.configurations[0].criteria = [{ name: "frequency error, own criterion", quantity: "frequency", at_most: true, limit: worst + 1, unit: "%", measured: worst, verdict: "pass", remark: "" }, { name: "cross-orthogonality", quantity: "", at_most: false, limit: 0.9, unit: "", measured: 0.95, verdict: "pass", remark: "" }];
+  });
+  const region = other.panel.getByRole("region", { name: "Criteria now" });
+  assert.equal(await region.locator("tbody tr").count(), 1);
+  assert.equal(await region.locator("tbody td").last().textContent(), "pass");
+  assert.match(await other.panel.locator(".answers").textContent(), /One other criterion, the score and neighbour tests of the judge and the verdict of the report keep the values of the update\./);
+  await other.panel.locator("input[type=range]").first().focus();
+  await answered(other.panel, () => other.page.keyboard.press("End"));
+  assert.equal(await region.locator("tbody td").last().textContent(), "fail");
+  await other.close();
+});
+
+for (const [width, scheme, touch] of [[390, "light", true], [800, "dark", true], [1280, "light", false]]) {
+  test(`the live model with all of its parts open, ${width} pixels, ${scheme}${touch ? ", by touch" : ""}: fits, and axe-core finds nothing serious`, async () => {
+    const path = functionsPage() ?? pages[0], { page, close } = await open(path, { viewport: { width, height: 844 }, colorScheme: scheme, hasTouch: touch, isMobile: touch && width < 500 });
+    await page.waitForSelector(".livemodel[data-solved]");
+    const panel = page.locator(".livemodel");
+    for (const summary of await panel.locator("summary:visible").all()) await (touch ? summary.tap() : summary.click());
+    const slider = panel.locator("input[type=range]").first();
+    await slider.scrollIntoViewIfNeeded();
+    const box = await slider.boundingBox();
+    await answered(panel, () => (touch ? page.touchscreen : page.mouse)[touch ? "tap" : "click"](box.x + 0.8 * box.width, box.y + box.height / 2));
+    assert.equal(await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth), 0);
+    await page.locator("#live").screenshot({ path: join(pictures, `live-${scheme}-${width}.png`) });
+    await page.evaluate(axe);
+    const { violations } = await page.evaluate(() => globalThis.axe.run(document.getElementById("live"), { resultTypes: ["violations"] }));
+    assert.deepEqual(violations.filter((v) => ["serious", "critical"].includes(v.impact)).map((v) => `${v.id}: ${v.nodes.slice(0, 2).map((n) => n.html.slice(0, 120)).join(" | ")}`), []);
+    await close();
+  });
+}

@@ -16,6 +16,7 @@ const LOOKS: Record<string, [string, string, number, string]> = {
   test: ["test", "#e0a06a", 3, ""], equalised: ["test, equal damping", "#8a5aa8", 2.2, ""],
   before: ["model before", "#5b6977", 1.2, "5 3"], model: ["model", "#1f5a92", 1.4, ""], after: ["model after", "#1f5a92", 1.4, ""],
   identified: ["identified test", "#1d2733", 1.2, "2 2"], picked: ["picked poles", "#1d2733", 1.4, ""],
+  dropped: ["dropped test", "#2e7d5b", 2.2, ""], live: ["model now", "#b3246b", 1.8, ""],
 };
 const ORDER = Object.keys(LOOKS);
 
@@ -134,6 +135,9 @@ export class FunctionPlot {
     this.lines = this.data.lines(this.which.select.selectedIndex);
     this.draw();
   }
+
+  /** Take the curves again where there are others now; the range of frequencies is the whole one. */
+  reopen(): void { this.open(this.which.select.selectedIndex); }
 
   private get nyquist(): boolean { return this.kind.select.selectedIndex === 1; }
 

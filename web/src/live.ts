@@ -2,8 +2,11 @@
 
 import { readView, type Live, type LiveParameter, type View } from "./data.ts";
 import { choice, h, hertz, labelled, RIGID_HZ, save, shown, svg } from "./dom.ts";
+import { criterionRows } from "./livecriteria.ts";
+import { LiveFrfs } from "./livefrfs.ts";
+import { DroppedTest } from "./livetest.ts";
 import { inRegion, type AddedMass, type Solved } from "./livemodel.ts";
-import { certificateText, partsOf, size, studyLines, truthText, written } from "./livetext.ts";
+import { certificateText, partsOf, signed, size, studyLines, truthText, written } from "./livetext.ts";
 import type { Answer, LiveShape } from "./liveworker.ts";
 
 declare const WORKER: string;
@@ -11,8 +14,7 @@ declare const WORKER: string;
 const STEPS = 500;
 /** Models that pass by, and samples that must count for them. */
 const MODELS = 20, LEAST_EFFECTIVE = 10;
-/** An error in %, and a sum of squares; neither shows the digits of rounding. */
-const signed = (value: number) => (Math.abs(value) < 1e-3 ? size(value) : (value > 0 ? "+" : "") + shown(value, 3));
+/** A sum of squares; it does not show the digits of rounding. */
 const square = (value: number | null | undefined) => (value != null && value < 1e-3 && value > 0 ? size(value) : shown(value));
 const cycles = (hz: number, digits = 5) => (hz > RIGID_HZ ? shown(hz, digits) : "0");
 
@@ -56,6 +58,11 @@ export class LivePanel {
   private readonly certificate = h("p", { class: "note certificate" });
   private readonly parts = h("tbody");
   private readonly modes = h("tbody");
+  private readonly criteria = h("tbody");
+  private readonly criteriaTable = h("div");
+  private readonly keptNote = h("p", { class: "note" });
+  private readonly frfs: LiveFrfs;
+  private readonly dropped: DroppedTest;
   private readonly configuration;
   private readonly lines: HTMLTextAreaElement;
   private readonly copied = h("span", { class: "note", role: "status" });
@@ -91,6 +98,12 @@ export class LivePanel {
     this.sliders = live.parameters.map((p, k) => new Slider(p, k, live.narrowed ? "Range" : "Bounds", (value) => this.set(k, value)));
     this.configuration = choice("Configuration", live.configurations.map((c) => c.configuration), () => this.choose());
     this.lines = h("textarea", { readonly: true, rows: 6, "aria-label": "Values as lines for a study" });
+    this.frfs = new LiveFrfs(live, this.reach, () => this.ask());
+    this.dropped = new DroppedTest(live, (modes, curves) => {
+      this.worker.postMessage({ kind: "drop", configuration: this.at, modes });
+      this.frfs.drop(curves);
+      this.ask();
+    });
     const address = URL.createObjectURL(new Blob([WORKER], { type: "text/javascript" }));
     this.worker = new Worker(address);
     this.worker.onmessage = (e: MessageEvent<Answer>) => this.take(e.data);
@@ -118,9 +131,11 @@ export class LivePanel {
         h("fieldset", { class: "sliders" }, h("legend", {}, "Parameters"), legend, ...this.sliders.map((s) => s.element),
           h("p", { class: "tools" }, button("Back to the update", () => { this.stop(); this.setAll((p) => p.updated); }), this.live.parameters.every((p) => p.lower <= p.nominal && p.nominal <= p.upper) ? button("Initial values", () => { this.stop(); this.setAll((p) => p.nominal); }) : null)),
         h("div", { class: "answers" }, this.where, this.truth, this.certificate, h("div", { class: "controls" }, this.configuration.label),
-          table("Frequencies and MAC now", ["Test mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
-          table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.host)),
-      this.asks, this.masses, this.sensors, lines);
+          table("Frequencies and MAC now", [this.live.configurations.some((c) => c.test_labels.length) ? "Test mode" : "Mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
+          table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.criteriaTable, this.host)),
+      this.frfs.element, this.asks, this.masses, this.sensors, this.dropped.element, lines);
+    this.criteriaTable.append(table("Criteria now", ["Criterion", "Limit", "Updated", "Now", "Verdict"], this.criteria),
+      this.keptNote);
     this.fillAsks();
     this.choose();
     this.sliders.forEach((s, i) => s.set(this.values[i]));
@@ -141,7 +156,7 @@ export class LivePanel {
     play.classList.add("play");
     this.models.append(button("Previous", step(-1)), button("Next", step(1)), play);
     this.asks.replaceChildren(h("legend", {}, "Ask"),
-      h("p", { class: "tools" }, button(`Lowest frequency of the test mode in ${where}`, ask(-1)), button(`Highest frequency of the test mode in ${where}`, ask(1)), ...(live.draws ? [show] : [])),
+      h("p", { class: "tools" }, ...(this.live.configurations.some((c) => c.pairs.length) ? [button(`Lowest frequency of the test mode in ${where}`, ask(-1)), button(`Highest frequency of the test mode in ${where}`, ask(1))] : []), ...(live.draws ? [show] : [])),
       this.models, this.told);
   }
 
@@ -218,6 +233,8 @@ export class LivePanel {
     this.mass = 0;
     this.fillMasses();
     this.fillSensors();
+    this.frfs.open(this.at);
+    this.dropped.open(this.live.configurations[this.at]);
     this.fill();
     this.ask();
   }
@@ -225,6 +242,7 @@ export class LivePanel {
   /** The window with the moving shape opens when the reader changes something: until then the page has that of the update. */
   private openWindow(): void {
     this.touched = true;
+    if (this.test < 0) return;
     const { configuration } = this.live.configurations[this.at], scene = this.view.scenes.findIndex((s) => s.configuration === configuration);
     document.dispatchEvent(new CustomEvent("femtune:live-window", { detail: { host: this.host, scene } }));
   }
@@ -237,7 +255,7 @@ export class LivePanel {
     which.label.hidden = false;
     this.point = 0;
     const number = h("input", { type: "number", min: 0, step: "any", value: 0, change: () => { this.mass = Math.max(0, number.valueAsNumber || 0); number.value = String(this.mass); this.ask(); } });
-    masses.replaceChildren(masses.firstElementChild!, h("p", { class: "note" }, "Frequencies, MAC and shapes of this configuration are those with a point mass there. χ² would not be that of the test, and is not shown then."),
+    masses.replaceChildren(masses.firstElementChild!, h("p", { class: "note" }, "Frequencies, MAC, shapes and FRFs of this configuration are those with a point mass there. χ² would not be that of the test, and is not shown then."),
       h("div", { class: "controls" }, which.label, labelled(unit ? `Mass, ${unit}` : "Mass", number)));
   }
 
@@ -258,7 +276,7 @@ export class LivePanel {
     this.asked = performance.now();
     // the configuration that is shown comes first
     const rest = this.live.configurations.map((_, k) => k).filter((k) => k !== this.at);
-    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)), added: this.added && { configuration: this.at, mass: this.added } });
+    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)), added: this.added && { configuration: this.at, mass: this.added }, functions: this.frfs.chosen && { configuration: this.at, chosen: this.frfs.chosen } });
   }
 
   private take(answer: Answer): void {
@@ -272,6 +290,8 @@ export class LivePanel {
     this.solved[answer.configuration] = answer.solved;
     if (!this.mass) this.first[answer.configuration] ??= answer.solved;
     if (answer.configuration === this.at) { this.fill(); this.say(); }
+    if (answer.functions && answer.configuration === this.at) this.frfs.take(answer.functions);
+    if (answer.dropped && answer.solved && answer.configuration === this.at) this.dropped.show(answer.dropped, answer.solved.freq_hz);
     if (answer.shape) this.draw(answer.shape);
     if (!answer.last) return;
     this.fillParts();
@@ -301,6 +321,8 @@ export class LivePanel {
 
   private fill(): void {
     const c = this.live.configurations[this.at], now = this.solved[this.at], first = this.first[this.at];
+    this.modes.parentElement?.classList.toggle("alone", !c.test_labels.length);
+    if (!c.test_labels.length) { this.fillModel(now, first); return; }
     this.modes.replaceChildren(...c.test_labels.map((label, test) => {
       const pair = now?.pairs[test], before = first?.pairs[test], hz = pair && pair.column >= 0 ? now!.freq_hz[pair.column] : null;
       const error = hz === null || !c.test_freq_hz[test] ? null : 100 * (hz / c.test_freq_hz[test] - 1);
@@ -312,6 +334,24 @@ export class LivePanel {
         cell(before && before.column >= 0 ? cycles(first!.freq_hz[before.column]) : "–"), cell(hz === null ? "–" : cycles(hz)), cell(error === null ? "–" : signed(error)),
         h("td", { class: "right" }, pair?.mac == null ? "–" : pair.mac.toFixed(3), better === null ? null : h("small", {}, ` mode ${better + 1} is more alike`)));
     }));
+    this.fillCriteria();
+  }
+
+  /** Frequencies of the model where the test has FRFs alone. */
+  private fillModel(now: Solved | null, first: Solved | null): void {
+    const cell = (text: string) => h("td", { class: "right" }, text);
+    this.modes.replaceChildren(...Array.from(first?.freq_hz ?? [], (hz, j) => h("tr", {}, h("th", { scope: "row" }, `model mode ${j + 1}`), cell("–"), cell(cycles(hz)), cell(now && j < now.freq_hz.length ? cycles(now.freq_hz[j]) : "–"), cell("–"), cell("–"))));
+    this.fillCriteria();
+  }
+
+  private fillCriteria(): void {
+    const c = this.live.configurations[this.at], rows = criterionRows(c, this.first[this.at], this.mass ? null : this.solved[this.at]);
+    const kept = rows.filter((r) => !r.live).length;
+    this.criteriaTable.hidden = kept === rows.length;
+    const others = kept === 0 ? "" : kept === 1 ? "One other criterion, " : `${kept} other criteria, `;
+    this.keptNote.textContent = `${others}${others ? "the" : "The"} score and neighbour tests of the judge and the verdict of the report keep the values of the update.`;
+    this.criteria.replaceChildren(...rows.filter((r) => r.live).map((r) => h("tr", {}, h("th", { scope: "row" }, r.name),
+      ...[r.limit, r.updated, r.now].map((t) => h("td", { class: "right" }, t)), h("td", { class: `verdict-${r.verdict}` }, r.verdict))));
   }
 
   /** A mode without a partner that is more like the test's than its partner. */

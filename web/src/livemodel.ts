@@ -4,17 +4,21 @@ import type { LiveConfiguration, LivePart, LiveRegion, LiveTerm } from "./data.t
 import { unpackDouble } from "./data.ts";
 import { polarFactor, solveDense } from "./dense.ts";
 import { largestPairs } from "./eigen.ts";
+import { FunctionSet, type Curve } from "./livefunctions.ts";
 
 const MASSLESS = 1e-14, LEAST_MASS = 1e-6;
 /** λ over |σ| below which a mode has no frequency, without and with an added mass; as femtune.model.live.matrices. */
 const STILL = 1e-4, STILL_WITH_MASS = 1e-6;
 
-export interface Modes { eigenvalues: Float64Array; freq_hz: Float64Array; shapes: Float64Array[]; mass: Float64Array }
+/** `factor` is L of K − σM = L Lᵀ. */
+export interface Modes { eigenvalues: Float64Array; freq_hz: Float64Array; shapes: Float64Array[]; mass: Float64Array; factor: Float64Array }
 /** A mass at one of the points that carry one. */
 export interface AddedMass { point: number; mass: number }
-/** A test mode and the position of its partner at the point; −1 without one. */
-export interface LivePair { test: number; column: number; mac: number | null }
+/** A test mode and the position of its partner at the point, −1 without one; MAC of the chosen sensors, and of all. */
+export interface LivePair { test: number; column: number; mac: number | null; whole: number | null }
 export interface Solved { freq_hz: Float64Array; pairs: LivePair[]; mac: Float64Array; squares: Record<string, number>; common: [number, number]; chiSquare: number }
+/** One of the functions of a configuration: which set, and which of its functions. */
+export interface Chosen { set: number; k: number }
 
 /** T_0 … of a place of the range, −1 … 1. */
 export function chebyshev(t: number, count: number): Float64Array {
@@ -118,6 +122,9 @@ export class LiveModel {
   private readonly massRows: Float64Array | null;
   /** Rigid-body modes of the updated point. */
   private readonly rigid: number;
+  readonly functions: FunctionSet[];
+  /** λ below which a mode has no frequency. */
+  readonly still: number;
 
   constructor(readonly data: LiveConfiguration, readonly lower: number[], readonly upper: number[]) {
     const { order, theta } = data, n = (order * (order + 1)) / 2;
@@ -129,11 +136,16 @@ export class LiveModel {
     this.massRows = data.mass_rows && unpackDouble(data.mass_rows);
     const shapes = unpackDouble(data.test_shapes), modes = data.test_labels.length, count = modes ? shapes.length / modes : 0;
     this.tests = data.test_labels.map((_, i) => Float64Array.from({ length: count }, (_, s) => shapes[s * modes + i]));
+    this.functions = data.functions.map((f) => new FunctionSet(f));
+    this.still = STILL * Math.abs(data.shift);
     this.weights = new Map(data.parts.filter((p) => p.weights).map((p) => [p, Float64Array.from(p.weights!)]));
   }
 
+  /** Modes that all functions need. */
+  get most(): number { return Math.max(this.data.count, ...this.data.functions.map((f) => f.modes)); }
+
   /** The lowest modes, with a mass at a point where one is added; null where the model has none, or a motion without stiffness. */
-  modes(x: ArrayLike<number>, added: AddedMass | null = null): Modes | null {
+  modes(x: ArrayLike<number>, added: AddedMass | null = null, wanted = this.data.count): Modes | null {
     const { order: n, theta, shift, terms } = this.data;
     const sums = { stiffness: new Float64Array((n * (n + 1)) / 2), mass: new Float64Array((n * (n + 1)) / 2) };
     terms.forEach((term, k) => {
@@ -148,7 +160,7 @@ export class LiveModel {
       a[i * n + j] = a[j * n + i] = (same ? 1 : 0) + sums.stiffness[at] - shift * moved;
       m[i * n + j] = m[j * n + i] = (same ? theta[i] : 0) + moved;
     }
-    const mass = m.slice(), count = Math.min(this.data.count, n), found = largestPairs(m, a, n, count);
+    const mass = m.slice(), count = Math.min(wanted, n), found = largestPairs(m, a, n, count);
     if (!found) return null;
     const values: number[] = [], shapes: Float64Array[] = [];
     for (let k = 0; k < count; k++) {
@@ -160,7 +172,26 @@ export class LiveModel {
     const still = (added ? STILL_WITH_MASS : STILL) * Math.abs(shift);
     if (values.filter((v) => v < still).length > this.rigid) return null;
     const eigenvalues = Float64Array.from(values);
-    return { eigenvalues, freq_hz: eigenvalues.map((v) => Math.sqrt(Math.max(v, 0)) / (2 * Math.PI)), shapes, mass };
+    return { eigenvalues, freq_hz: eigenvalues.map((v) => Math.sqrt(Math.max(v, 0)) / (2 * Math.PI)), shapes, mass, factor: a };
+  }
+
+  /** Those that are shown, of more of them. */
+  lowest(modes: Modes): Modes {
+    const { count } = this.data;
+    return modes.shapes.length <= count ? modes : { ...modes, eigenvalues: modes.eigenvalues.slice(0, count), freq_hz: modes.freq_hz.slice(0, count), shapes: modes.shapes.slice(0, count) };
+  }
+
+  /** χ² of the functions by kind, and one of them. */
+  functionsAt(modes: Modes, chosen: Chosen | null): { squares: Record<string, number>; curve: Curve | null } {
+    const squares: Record<string, number> = {};
+    let curve: Curve | null = null;
+    this.functions.forEach((set, i) => {
+      if (!set.compared && chosen?.set !== i) return;
+      const point = set.point(this, modes);
+      if (set.compared) squares[set.data.label] = (squares[set.data.label] ?? 0) + set.squares(this, point);
+      if (chosen?.set === i) curve = set.curve(this, point, chosen.k);
+    });
+    return { squares, curve };
   }
 
   /** yᵀ T y of the matrix of each term. */
@@ -214,14 +245,18 @@ export class LiveModel {
     const mac = new Float64Array(data.test_labels.length * seen.length), out = new Set(off);
     const tests = out.size ? this.tests.map((t) => t.map((v, i) => (out.has(i) ? NaN : v))) : this.tests;
     data.test_labels.forEach((_, i) => seen.forEach((s, j) => { mac[i * seen.length + j] = macOf(s, tests[i]); }));
-    const measured = this.tests.length > 0 && this.tests[0].length - out.size > 1;
+    const enough = (left: number) => this.tests.length > 0 && left > 1;
     // of close modes what the subspace has of the test's shape
     const group = new Map(become.size ? data.pairs.filter(([, , old]) => old.length > 1).map(([test, , old]) => [test, old.map((j) => become.get(j)!)]) : []);
     const motion = this.motions(modes, become, seen);
     const pairs = data.test_labels.map((_, test) => {
       const column = partner.get(test) ?? -1, with_ = group.get(test);
-      const value = column < 0 ? NaN : with_ ? subspaceMac(with_.map((c) => seen[c]), tests[test]) : mac[test * seen.length + column];
-      return { test, column, mac: measured && !Number.isNaN(value) ? value : null };
+      const value = (of: Float64Array, left: number) => {
+        const found = column < 0 || !enough(left) ? NaN : with_ ? subspaceMac(with_.map((c) => seen[c]), of) : macOf(seen[column], of);
+        return Number.isNaN(found) ? null : found;
+      };
+      const sensors = this.tests[test].length, chosen = value(tests[test], sensors - out.size);
+      return { test, column, mac: chosen, whole: out.size ? value(this.tests[test], sensors) : chosen };
     });
     const squares: Record<string, number> = {};
     let u2 = 0, ur = 0, chiSquare = 0;
@@ -295,11 +330,12 @@ export function differences(phi: Float64Array, test: Float64Array, scaling: stri
 
 /** Whether the page finds what femtune found at its check points, to 1e-6. */
 export function verified(model: LiveModel): boolean {
-  return model.data.checks.every(({ x, eigenvalues, chi_square }) => {
-    const modes = model.modes(x);
-    if (!modes || modes.eigenvalues.length !== eigenvalues.length) return false;
+  return model.data.checks.every(({ x, eigenvalues, chi_square, functions }) => {
+    const all = model.modes(x, null, model.most), modes = all && model.lowest(all);
+    if (!all || !modes || modes.eigenvalues.length !== eigenvalues.length) return false;
     const most = Math.max(...eigenvalues.map(Math.abs));
     const same = eigenvalues.every((v, i) => Math.abs(modes.eigenvalues[i] - v) <= 1e-6 * Math.abs(v) + 1e-9 * most);
-    return same && Math.abs(model.solve(modes).chiSquare - chi_square) <= 1e-5 * Math.max(1, chi_square);
+    const powers = model.functions.map((set) => set.power(model, set.point(model, all)));
+    return same && powers.every((p, i) => Math.abs(p - functions[i]) <= 1e-5 * functions[i]) && Math.abs(model.solve(modes).chiSquare - chi_square) <= 1e-5 * Math.max(1, chi_square);
   }) && model.data.checks.length > 0;
 }

@@ -46,6 +46,9 @@ export function truthText(live: Live, first: Record<string, number>, now: Record
 /** A size that may be rounding. */
 export const size = (value: number) => (Math.abs(value) < 1e-3 ? "<\u00a00.001" : shown(value, 2));
 
+/** An error in %, signed; it does not show the digits of rounding. */
+export const signed = (value: number) => (Math.abs(value) < 1e-3 ? size(value) : (value > 0 ? "+" : "") + shown(value, 3));
+
 /** What is said of the errors at a point: what was compared with what, and where. */
 export function certificateText(all: LiveCertificate[], where: string): string {
   const one = (c: LiveCertificate) => {

@@ -1,26 +1,34 @@
 // The worker that solves the live model, so that the page stays quick while a reader drags.
 
 import { unpack, type Live, type SceneData } from "./data.ts";
-import { inRegion, LiveModel, verified, type AddedMass, type Modes, type Solved } from "./livemodel.ts";
+import type { Curve } from "./livefunctions.ts";
+import { inRegion, LiveModel, verified, type AddedMass, type Chosen, type Modes, type Solved } from "./livemodel.ts";
+import { paired, type DroppedModes, type DroppedPair } from "./livepairs.ts";
 import { drawRows, extreme, logWeights, resampled, type Allowed, type Extreme } from "./liveregion.ts";
 import { partsOf, scaledSquares } from "./livetext.ts";
 
 export interface Begin { kind: "begin"; live: Live; shapes: (SceneData["live"])[] }
-export interface Solve { kind: "solve"; id: number; x: number[]; configurations: number[]; shape: { configuration: number; test: number } | null; off: number[][]; added: { configuration: number; mass: AddedMass } | null }
+export interface Solve { kind: "solve"; id: number; x: number[]; configurations: number[]; shape: { configuration: number; test: number } | null; off: number[][]; added: { configuration: number; mass: AddedMass } | null; functions: { configuration: number; chosen: Chosen } | null }
+/** Modes of a test that is compared too, and with which configuration; none any more. */
+export interface Drop { kind: "drop"; configuration: number; modes: DroppedModes | null }
 /** Asks for models that the data allow. */
 export interface AskAllowed { kind: "allowed"; count: number }
 /** Asks for the lowest (−1) or highest (1) frequency of a test mode in the region. */
 export interface AskExtreme { kind: "extreme"; configuration: number; test: number; sign: number; added: AddedMass | null }
 /** A shape that is drawn: motion (points, 3), factor from the test's shape to it, and the modes that it is a combination of. */
 export interface LiveShape { configuration: number; test: number; columns: number[]; motion: Float32Array; factor: number }
+/** One of the functions, at the updated point and now. */
+export interface LiveCurves { chosen: Chosen; updated: Curve | null; now: Curve | null }
 export type Answer =
   | { kind: "ready"; verified: boolean }
   | { kind: "allowed"; allowed: Allowed }
   | { kind: "extreme"; test: number; sign: number; extreme: Extreme | null }
-  | { kind: "solved"; id: number; configuration: number; solved: Solved | null; shape: LiveShape | null; last: boolean };
+  | { kind: "solved"; id: number; configuration: number; solved: Solved | null; shape: LiveShape | null; functions: LiveCurves | null; dropped: DroppedPair[] | null; last: boolean };
 
 let live: Live;
 let models: LiveModel[] = [];
+let dropped: Drop | null = null;
+let updated: (Modes | null)[] = [];
 let drawing: ({ vectors: Float32Array; weights: Float32Array; count: number } | null)[] = [];
 
 function begin(given: Begin): void {
@@ -32,12 +40,30 @@ function begin(given: Begin): void {
   answer({ kind: "ready", verified: models.every(verified) });
 }
 
-function solve({ id, x, configurations, shape, off, added }: Solve): void {
+function solve({ id, x, configurations, shape, off, added, functions }: Solve): void {
   configurations.forEach((k, i) => {
-    const model = models[k], modes = model.modes(x, added?.configuration === k ? added.mass : null), solved = modes && model.solve(modes, off[k]);
+    const model = models[k], chosen = functions?.configuration === k ? functions.chosen : null;
+    const all = modesFor(model, x, added?.configuration === k ? added.mass : null, chosen !== null), modes = all && model.lowest(all), solved = modes && model.solve(modes, off[k]);
+    let curves: LiveCurves | null = null;
+    if (all && solved) {
+      const { squares, curve } = model.functionsAt(all, chosen);
+      Object.assign(solved.squares, squares);
+      if (chosen) curves = { chosen, updated: curveAtUpdate(k, chosen), now: curve };
+    }
     const drawn = modes && solved && shape?.configuration === k ? shapeOf(k, shape.test, modes) : null;
-    answer({ kind: "solved", id, configuration: k, solved, shape: drawn, last: i === configurations.length - 1 }, drawn ? [drawn.motion.buffer] : []);
+    answer({ kind: "solved", id, configuration: k, solved, shape: drawn, functions: curves, dropped: modes && dropped?.modes && dropped.configuration === k ? paired(dropped.modes, modes.freq_hz, modes.shapes.map((y) => model.seen(y))) : null, last: i === configurations.length - 1 }, drawn ? [drawn.motion.buffer] : []);
   });
+}
+
+/** As many modes as are needed: more of them where functions are drawn or compared. */
+function modesFor(model: LiveModel, x: number[], added: AddedMass | null, drawn: boolean): Modes | null {
+  return model.modes(x, added, drawn || model.functions.some((f) => f.compared) ? model.most : undefined);
+}
+
+function curveAtUpdate(k: number, chosen: Chosen): Curve | null {
+  const modes = updated[k] ??= models[k].modes(live.x, null, models[k].most);
+  const set = models[k].functions[chosen.set];
+  return modes && set.curve(models[k], set.point(models[k], modes), chosen.k);
 }
 
 function shapeOf(k: number, test: number, modes: Modes): LiveShape | null {
@@ -61,7 +87,11 @@ function answer(message: Answer, transfer: Transferable[] = []): void { (self as
 
 /** Sum of squares of all residuals, with the factors on their standard deviations; null where a model has no modes. */
 function trueSquares(x: number[], factors: Record<string, number>): number | null {
-  const all = models.map((model) => { const modes = model.modes(x); return modes && model.solve(modes); });
+  const all = models.map((model) => {
+    const found = modesFor(model, x, null, false), solved = found && model.solve(model.lowest(found));
+    if (found && solved) Object.assign(solved.squares, model.functionsAt(found, null).squares);
+    return solved;
+  });
   return all.every((s) => s !== null) ? scaledSquares(partsOf(all as Solved[]), factors) : null;
 }
 
@@ -79,9 +109,10 @@ function allowed({ count }: AskAllowed): void {
   answer({ kind: "allowed", allowed: { models: chosen.map((i) => rows[i]), effective, weighed: true } });
 }
 
-self.onmessage = ({ data }: MessageEvent<Begin | Solve | AskAllowed | AskExtreme>) => {
+self.onmessage = ({ data }: MessageEvent<Begin | Solve | Drop | AskAllowed | AskExtreme>) => {
   if (data.kind === "begin") begin(data);
   else if (data.kind === "solve") solve(data);
+  else if (data.kind === "drop") dropped = data;
   else if (data.kind === "allowed") allowed(data);
   else answer({ kind: "extreme", test: data.test, sign: data.sign, extreme: extreme(models[data.configuration], live.region, live.x, data.test, data.sign, data.added) });
 };

@@ -3,6 +3,8 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { largestPairs } from "../src/eigen.ts";
+import { criterionRows } from "../src/livecriteria.ts";
+import { FunctionSet, interpolated, solveFactored } from "../src/livefunctions.ts";
 import { aligned, assignment, chebyshev, differences, inRegion, LiveModel, macOf, polynomial, subspaceMac, verified } from "../src/livemodel.ts";
 import { eigenvalueGradient, extreme, linearOptimum, logWeights, resampled } from "../src/liveregion.ts";
 import { certificateText, partsOf, scaledSquares, size, studyLines, truthText } from "../src/livetext.ts";
@@ -189,7 +191,7 @@ function chain(check: number): LiveModel {
     mass_rows: packed(Float64Array.of(basis[0][0], basis[1][0], 0, 0, 0, 0), [1, 3, 2]), test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0, [0]]],
     parts: [{ kind: "frequency", quantity: "frequency", form: "eigenvalue", test: 0, sd: 0.5, sensors: [], weights: null, common: 0 }],
     region: [], bounds: [],
-    checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0 }],
+    checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0, functions: [] }], functions: [], functions_reason: "", criteria: [],
   };
   return new LiveModel(data, [-1], [1]);
 }
@@ -244,4 +246,66 @@ test("a question is answered with the mass that is added", () => {
   const model = chain(0), at = [0.1], region = { moving: [0], at: [0.1], rows: [5], offset: [0], limit: 1, centre: [0.1], precision: [25], radius_square: 1 };
   const exact = (x: number) => { const b = (2 + x + 4 * (1 + x)) / 8, c = (1 + x) / 4; return Math.sqrt(b - Math.sqrt(b * b - c)) / (2 * Math.PI); };
   for (const [sign, x] of [[-1, -0.1], [1, 0.3]]) assert.ok(Math.abs(extreme(model, region, at, 0, sign, { point: 0, mass: 3 })!.freq_hz - exact(x)) < 1e-9);
+});
+
+const BASE = { kind: "accelerance", ordinate: "", look: "test", outputs: ["1X+", "2X+"], inputs: ["2X+"], freq_hz: packed(Float64Array.of(0.05, 0.2, 0.4), [3]), test_real: packed(Float64Array.of(1, 2, 3, 4, 5, 6), [2, 1, 3]),
+  test_imaginary: packed(new Float64Array(6), [2, 1, 3]), modes: 2, ratios: [0.02, 0.03], ratios_hz: [], hysteretic: false, loss_factor: 0, si: 1, label: "frf", form: "linear", sd: packed(Float64Array.of(1, 0, 1, 1, 1, 2), [2, 1, 3]), shift: null, note: "", errors: [] };
+
+/** x of two equations with complex numbers [re, im]. */
+function both(a: [number, number][][], b: [number, number][]): [number, number][] {
+  const times = (p: number[], q: number[]): [number, number] => [p[0] * q[0] - p[1] * q[1], p[0] * q[1] + p[1] * q[0]], minus = (p: number[], q: number[]): [number, number] => [p[0] - q[0], p[1] - q[1]];
+  const over = (p: number[], q: number[]) => times(p, [q[0] / (q[0] ** 2 + q[1] ** 2), -q[1] / (q[0] ** 2 + q[1] ** 2)]), det = minus(times(a[0][0], a[1][1]), times(a[0][1], a[1][0]));
+  return [over(minus(times(b[0], a[1][1]), times(a[0][1], b[1])), det), over(minus(times(a[0][0], b[1]), times(b[0], a[1][0])), det)];
+}
+
+test("functions of the chain by modes, and with one mode and what the other responds", () => {
+  const plain = chain(0), x = [0.5], rows = { output_rows: plain.data.sensors, input_rows: packed(plain.sensors.slice(2, 4), [1, 2]) };
+  // (K (1 + iη) − ω² + iωC) u = f at mass 2; without modal damping in closed form
+  for (const [eta, modes, within] of [[0.1, 2, 1e-12], [0, 1, 0.02]] as const) {
+    const data = { ...BASE, ...rows, modes, ratios: [0], loss_factor: eta }, model = new LiveModel({ ...plain.data, functions: [data] }, [-1], [1]), set = model.functions[0];
+    const found = model.modes(x, null, 2)!, point = set.point(model, found);
+    set.freq.forEach((f, l) => {
+      if (modes === 1 && f > 0.1) return;
+      const w = (2 * Math.PI * f) ** 2, K = [[2.5, -1.5], [-1.5, 1.5]];
+      const u = both(K.map((row, i) => row.map((v, j) => [v - (i === j ? w : 0), eta * v] as [number, number])), [[0, 0], [1, 0]]);
+      for (const k of [0, 1]) {
+        const { real, imaginary } = set.curve(model, point, k), size = Math.hypot(...u[k]) * w;
+        assert.ok(Math.hypot(real[l] + w * u[k][0], imaginary[l] + w * u[k][1]) < within * size, `${eta} ${f} ${k}`);
+      }
+    });
+  }
+});
+
+test("residuals of functions: differences, logarithms, and what is not compared", () => {
+  const plain = chain(0), rows = { output_rows: plain.data.sensors, input_rows: packed(plain.sensors.slice(2, 4), [1, 2]) };
+  const of = (more: object) => { const model = new LiveModel({ ...plain.data, functions: [{ ...BASE, ...rows, ...more }] }, [-1], [1]), set = model.functions[0]; return { model, set, point: set.point(model, model.modes([0])!) }; };
+  const { model, set, point } = of({}), curves = [0, 1].map((k) => set.curve(model, point, k));
+  const wanted = [[0, 0, 1, 1], [0, 2, 3, 1], [1, 0, 4, 1], [1, 1, 5, 1], [1, 2, 6, 2]].reduce((sum, [k, l, t, sd]) => sum + ((curves[k].real[l] - t) ** 2 + curves[k].imaginary[l] ** 2) / sd ** 2, 0);
+  assert.ok(Math.abs(set.squares(model, point) / wanted - 1) < 1e-12);
+  // the test is the model turned by 0.1 rad and 10 % smaller
+  const turned = (part: "real" | "imaginary") => packed(Float64Array.from(curves.flatMap((c) => Array.from(c.real, (re, l) => 0.9 * (part === "real" ? re * Math.cos(0.1) + c.imaginary[l] * Math.sin(0.1) : c.imaginary[l] * Math.cos(0.1) - re * Math.sin(0.1))))), [2, 1, 3]);
+  const test_ = { test_real: turned("real"), test_imaginary: turned("imaginary") }, a = Math.log(1 / 0.9), lines = 1 + 1 + 1 + 1 + 0.25;
+  const complex = of({ ...test_, form: "log-complex" }), magnitude = of({ ...test_, form: "log-magnitude", shift: packed(new Float64Array(6).fill(0.2), [2, 1, 3]) });
+  assert.ok(Math.abs(complex.set.squares(complex.model, complex.point) - lines * (a * a + 0.01)) < 1e-9);
+  assert.ok(Math.abs(magnitude.set.squares(magnitude.model, magnitude.point) - lines * (a + 0.2) ** 2) < 1e-9);
+  assert.deepEqual(Object.keys(complex.model.functionsAt(complex.model.modes([0])!, null).squares), ["frf"]);
+  assert.equal(new FunctionSet({ ...BASE, ...rows, sd: null }).compared, false);
+});
+
+test("factors solve, and tables of damping stay at their ends", () => {
+  // A = L Lᵀ of L = [[2, 0], [1, 3]], times (3, 5)
+  const b = Float64Array.of(4 * 3 + 2 * 5, 2 * 3 + 10 * 5);
+  solveFactored(Float64Array.of(2, 0, 1, 3), 2, b);
+  assert.ok(Math.abs(b[0] - 3) < 1e-14 && Math.abs(b[1] - 5) < 1e-14);
+  assert.deepEqual([0, 2, 2.5, 4].map((v) => interpolated(v, [1, 2, 3], [0.1, 0.2, 0.4])), [0.1, 0.2, 0.2 + 0.4 * 0.5 - 0.2 * 0.5, 0.4]);
+});
+
+test("criteria follow frequencies and MAC; others, and those that the page finds otherwise, keep the verdict of the update", () => {
+  const solved = (hz: number, mac: number) => ({ freq_hz: Float64Array.of(hz, 9), pairs: [{ test: 0, column: 0, mac: 0.1, whole: mac }, { test: 1, column: -1, mac: null, whole: null }], mac: new Float64Array(), squares: {}, common: [0, 0] as [number, number], chiSquare: 0 });
+  const one = (quantity: string, at_most: boolean, limit: number, measured: number | null, verdict: string) => ({ name: quantity, quantity, at_most, limit, unit: quantity === "frequency" ? "%" : "", measured, verdict, remark: "" });
+  const of = (...criteria: ReturnType<typeof one>[]) => ({ ...chain(0).data, test_freq_hz: [10, 20], criteria });
+  const rows = criterionRows(of(one("frequency", true, 5, 2, "pass"), one("mac", false, 0.9, 0.95, "pass"), one("", true, 3, 1, "pass"), one("frequency", true, 5, 1, "pass"), one("mac", false, 0.9, 0.95, "fail")), solved(10.2, 0.95), solved(9.4, 0.91));
+  assert.deepEqual(rows.map((r) => [r.now, r.verdict, r.live]), [["6 %", "fail", true], ["0.91", "pass", true], ["as updated", "pass", false], ["as updated", "pass", false], ["0.91", "fail", true]]);
+  assert.deepEqual([rows[0].limit, rows[0].updated], ["≤ 5 %", "2 %"]);
+  assert.equal(criterionRows(of(one("mac", false, 0.9, 0.95, "pass")), solved(10, 0.95), null)[0].verdict, "–");
 });

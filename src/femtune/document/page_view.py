@@ -384,6 +384,54 @@ class LiveCheckView:
     x: tuple[float, ...]
     eigenvalues: tuple[float, ...]
     chi_square: float
+    functions: tuple[float, ...] = ()
+    """Sum of the squares of the magnitudes of each entry of the functions."""
+
+
+@dataclass(frozen=True)
+class LiveFunctionsView:
+    """Measured FRFs beside which those of the live model are drawn; see `LiveFunctions` of the results."""
+
+    kind: str
+    ordinate: str
+    look: str
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    freq_hz: Packed
+    test_real: Packed
+    test_imaginary: Packed
+    """(outputs, inputs, lines); 0 where nothing is compared."""
+    output_rows: Packed
+    input_rows: Packed
+    modes: int
+    ratios: tuple[float, ...]
+    ratios_hz: tuple[float, ...]
+    hysteretic: bool
+    loss_factor: float
+    si: float
+    """What a value is multiplied by to be in SI units."""
+    label: str
+    form: str
+    sd: Packed | None
+    shift: Packed | None
+    note: str
+    errors: tuple[tuple[str, int, float], ...]
+    """Where ("region" or "bounds"), points, and the largest difference from the full model in %."""
+
+
+@dataclass(frozen=True)
+class LiveCriterionView:
+    """An acceptance criterion with the value and the verdict of the update; `quantity` is "frequency", "mac", or ""
+    where the page does not compute it."""
+
+    name: str
+    quantity: str
+    at_most: bool
+    limit: float
+    unit: str
+    measured: float | None
+    verdict: str
+    remark: str
 
 
 @dataclass(frozen=True)
@@ -411,6 +459,9 @@ class LiveConfigurationView:
     bounds: tuple[LiveCertificateView, ...]
     """Beside the full model first, then beside a reduced one."""
     checks: tuple[LiveCheckView, ...]
+    functions: tuple[LiveFunctionsView, ...] = ()
+    functions_reason: str = ""
+    criteria: tuple[LiveCriterionView, ...] = ()
 
 
 @dataclass(frozen=True)

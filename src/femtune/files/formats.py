@@ -258,9 +258,11 @@ class RecordFormat(FileFormat):
     ----------
     has : "columns" of a text, "arrays" with names, "channels": time records that say what they are, or "groups" of
         these with a clock of their own
+    signatures : first bytes that tell the format whatever the extension
     """
 
     has: Literal["columns", "arrays", "channels", "groups"]
+    signatures: tuple[bytes, ...] = ()
 
     def read_table(self, path: Path) -> RecordTable:
         """The columns or channels of a file."""
@@ -319,6 +321,7 @@ RECORD_FORMATS = Formats(
         content="channels as fractions of full scale, and the sampling rate",
         reader="records.waves.read_wav",
         has="channels",
+        signatures=(b"RIFF", b"RIFX", b"RF64"),
     ),
     RecordFormat(
         key="lvm",
@@ -327,6 +330,7 @@ RECORD_FORMATS = Formats(
         content="channels with their names, units and times, in one or several segments",
         reader="records.lvm.read_lvm",
         has="groups",
+        signatures=(b"LabVIEW Measurement",),
     ),
     RecordFormat(
         key="tdms",
@@ -336,6 +340,7 @@ RECORD_FORMATS = Formats(
         reader="records.tdms.read_tdms",
         extra="tdms",
         has="groups",
+        signatures=(b"TDSm",),
     ),
     RecordFormat(
         key="mdf",
@@ -344,6 +349,7 @@ RECORD_FORMATS = Formats(
         content="channels with their names, units and times; `variable` names one of several groups",
         reader="records.mdf.read_mdf",
         has="groups",
+        signatures=(b"MDF     ", b"UnFinMF "),
     ),
     RecordFormat(
         key="uff",

@@ -2,7 +2,8 @@
 
 As the benchmark building was identified: every method on every fragment, then means and standard deviations (its
 Table 3). The errors of fragments are independent, those of methods on one fragment are not; so the deviation of the
-mean comes from the fragments, and what methods differ by beyond that shows their bias.
+mean comes from the fragments, and what methods differ by beyond that shows their bias. Fewer than ten fragments tell
+their scatter badly: then the deviations count that a method states for each of them.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtri
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
@@ -88,13 +90,19 @@ def combine(
 
 @dataclass(frozen=True, eq=False)
 class _ModePool:
-    """All modes of all estimates in one row; `source` is the estimate that each is from."""
+    """All modes of all estimates in one row; `source` is the estimate that each is from.
+
+    Standard deviations are those that the methods state, NaN without them.
+    """
 
     estimates: Sequence[Estimate]
     freq_hz: Reals
     damping: Reals
     shapes: Reals
     source: NDArray[np.int64]
+    freq_sd_hz: Reals
+    damping_sd: Reals
+    shapes_sd: Reals
 
     @property
     def weights(self) -> Reals:
@@ -107,8 +115,14 @@ class _ModePool:
         unknown = (np.full(len(s), np.nan) if s.damping_ratio is None else s.damping_ratio for s in sets)
         shapes = np.hstack([s.shapes for s in sets])
         source = np.repeat(np.arange(len(sets)), [len(s) for s in sets])
-        unit = shapes / np.linalg.norm(shapes, axis=0)
-        return _ModePool(estimates, np.concatenate([s.freq_hz for s in sets]), np.concatenate([*unknown]), unit, source)
+        size = np.linalg.norm(shapes, axis=0)
+        freq_sd = [_or_nan(s.freq_sd_hz, s.freq_hz) for s in sets]
+        damping_sd = [_or_nan(s.damping_sd, s.freq_hz) for s in sets]
+        shapes_sd = [_or_nan(s.shapes_sd, s.shapes) for s in sets]
+        return _ModePool(
+            estimates, np.concatenate([s.freq_hz for s in sets]), np.concatenate([*unknown]), shapes / size, source,
+            np.concatenate(freq_sd), np.concatenate(damping_sd), np.hstack(shapes_sd) / size,
+        )  # fmt: skip
 
     def mean_hz(self, group: NDArray[np.int64]) -> float:
         return _mean(self.freq_hz[group], self.weights[group])
@@ -133,16 +147,16 @@ class _ModePool:
         aligned = [_aligned(self.shapes[:, g]) for g in groups]
         shapes = np.stack([np.average(a, axis=1, weights=self.weights[g]) for a, g in zip(aligned, groups)], axis=1)
         length = np.linalg.norm(shapes, axis=0)
-        sd = np.stack([self._sd_of_mean(a, g) for a, g in zip(aligned, groups)], axis=1)
+        sd = np.stack([self._sd_of_mean(a, g, self.shapes_sd[:, g]) for a, g in zip(aligned, groups)], axis=1)
         modes = ModeSet(
             np.array([self.mean_hz(g) for g in groups]),
             shapes / length,
             self.estimates[0].modes.dofs,
             damping_ratio=np.array([_mean(self.damping[g], self.weights[g]) for g in groups]),
             normalisation="unit-norm",
-            freq_sd_hz=np.array([self._sd_of_mean(self.freq_hz[g], g) for g in groups]),
+            freq_sd_hz=np.array([self._sd_of_mean(self.freq_hz[g], g, self.freq_sd_hz[g]) for g in groups]),
             shapes_sd=sd / length,
-            damping_sd=np.array([self._sd_of_mean(self.damping[g], g) for g in groups]),
+            damping_sd=np.array([self._sd_of_mean(self.damping[g], g, self.damping_sd[g]) for g in groups]),
             source=f"mean of {len(self.estimates)} estimates",
         )
         scatter = np.array([_sd(self.freq_hz[g]) for g in groups])
@@ -156,17 +170,49 @@ class _ModePool:
         own = {m: [g[of[g] == m] for g in groups] for m in dict.fromkeys(methods)}
         return {m: np.array([_mean(self.freq_hz[g], self.weights[g]) for g in some]) for m, some in own.items()}
 
-    def _sd_of_mean(self, values: Reals, group: NDArray[np.int64]) -> Reals:
-        """Standard errors of means of values (…, members) over fragments, whose variances go with 1/length."""
+    def _sd_of_mean(self, values: Reals, group: NDArray[np.int64], own: Reals) -> Reals:
+        """Standard errors of means of values (…, members) over fragments, whose variances go with 1/length.
+
+        Parameters
+        ----------
+        own : (…, members) standard deviations that a method states itself, NaN without them
+        """
         fragment = np.array([self.estimates[i].fragment for i in self.source[group]])
-        known = ~np.isnan(values).any(axis=tuple(range(values.ndim - 1)))
+        known, stated = _without_nan(values), _without_nan(own)
         numbers = np.unique(fragment[known])
-        if len(numbers) < 2:
-            return np.full(values.shape[:-1], np.nan)
-        means = np.stack([values[..., known & (fragment == n)].mean(axis=-1) for n in numbers], axis=-1)
         weights = np.array([self.weights[group][fragment == n][0] for n in numbers])
+        all_stated = len(numbers) > 0 and all(stated[fragment == n].any() for n in numbers)
+        by_methods = np.full(values.shape[:-1], np.nan)
+        if all_stated:
+            each = np.stack([own[..., stated & (fragment == n)][..., 0] for n in numbers], axis=-1)
+            by_methods = np.sqrt((weights**2 * each**2).sum(axis=-1)) / weights.sum()
+        if len(numbers) < 2:
+            return np.asarray(by_methods)
+        means = np.stack([values[..., known & (fragment == n)].mean(axis=-1) for n in numbers], axis=-1)
         away = means - np.average(means, axis=-1, weights=weights)[..., None]
-        return np.asarray(np.sqrt((weights * away**2).sum(axis=-1) / (weights.sum() * (len(numbers) - 1))))
+        scatter = np.sqrt((weights * away**2).sum(axis=-1) / (weights.sum() * (len(numbers) - 1)))
+        if not all_stated or len(numbers) >= ENOUGH_FRAGMENTS:
+            return np.asarray(scatter)
+        # a few fragments tell their scatter with a large error: it counts where it is far above that of the methods
+        limit = fdtri(len(numbers) - 1, PIECES * len(numbers), 1.0 - BY_CHANCE)
+        return np.asarray(np.where(scatter**2 > limit * by_methods**2, scatter, by_methods))
+
+
+ENOUGH_FRAGMENTS = 10
+"""Fragments whose scatter alone gives standard deviations, with an error of a quarter."""
+PIECES = 20
+"""Degrees of freedom of the standard deviation that a method states for a fragment: pieces of which it is made."""
+BY_CHANCE = 0.01
+"""Probability with which a scatter by chance counts in place of the deviations of the methods."""
+
+
+def _or_nan(values: Reals | None, like: Reals) -> Reals:
+    return np.full(like.shape, np.nan) if values is None else values
+
+
+def _without_nan(values: Reals) -> NDArray[np.bool_]:
+    """(members,) where no entry of values (…, members) is NaN."""
+    return np.asarray(~np.isnan(values).any(axis=tuple(range(values.ndim - 1))), dtype=bool)
 
 
 def _aligned(shapes: Reals) -> Reals:

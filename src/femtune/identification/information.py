@@ -16,12 +16,12 @@ from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Integers, Reals
 from femtune.errors import FemtuneError
-from femtune.identification.choice import Candidate
+from femtune.identification.choice import CHOSEN_BY_USER, DROPPED_BY_USER, Candidate
 from femtune.identification.in_place import allowed_distance, distance_from
 from femtune.identification.modal_fit import NO_POLES, ModalFit
-from femtune.identification.near_band import APART, gain
+from femtune.identification.near_band import APART, by_chance, gain
 from femtune.identification.pole_table import PoleTable
-from femtune.identification.significance import stands_out
+from femtune.identification.significance import NO_MORE_THAN_NOISE, stands_out
 
 CHANCE = 1e-9
 """Probability of what a pole of noise would explain: there are many places where one could be."""
@@ -36,6 +36,9 @@ MOST_TRIALS = 8
 LEAST_WHITE = 0.7
 """Mean square of the fourth differences of the errors over 70 times their own, which is 1 for white noise. Errors of a
 model that does not hold change slowly from line to line: with 0.25 they were taken for modes."""
+WHITE_BY_CHANCE = 2.7
+"""By how much this ratio is below 1 in one of a hundred cases of white noise, times the root of the number of
+errors."""
 LARGE = 1.5
 """Mean square of the errors near a mode, over the noise of all lines, above which they are looked at: what two modes
 leave that are fitted as one is as narrow as they are. Over a few lines it cannot be told from noise by how it changes
@@ -53,8 +56,8 @@ _HALF_BANDS = 4.0
 _APART = 0.2
 """Distance from the other poles in half bandwidths at least; of the two parts of a cluster, `APART`."""
 
-Refit = Callable[[Complexes, Complexes], ModalFit]
-"""The fit that starts from poles of modes and poles outside the band."""
+Refit = Callable[[Complexes, Complexes, float], ModalFit]
+"""The fit that starts from poles of modes and poles outside the band, and is of use below a deviance only."""
 Search = Callable[[Complexes], ModalFit]
 """The fit that starts from poles of modes and looks for those outside the band."""
 
@@ -77,15 +80,17 @@ def with_needed_modes(
         that are added
     """
     result = _with_needed(fit, candidates, table, refit, line, search, len(fit.poles))
-    if search is None or not fit.outside.any() or _is_noise(result[0], line):
+    if search is None:
         return result
-    # poles outside the band may stand for modes in it, and explain so much that these are not wanted beside them
-    try:
-        alone = refit(np.array([table.poles[c.at] for c in candidates if c.chosen]), NO_POLES)
-    except (FemtuneError, np.linalg.LinAlgError):
-        return result
-    other = _with_needed(alone, candidates, table, refit, line, search, len(fit.poles))
-    return other if other[0] is not alone and _is_better(other[0], result[0]) else result
+    if fit.outside.any() and not _is_noise(result[0], line):
+        # poles outside the band may stand for modes in it, and explain so much that these are not wanted beside them
+        try:
+            alone = refit(np.array([table.poles[c.at] for c in candidates if c.chosen]), NO_POLES, np.inf)
+        except (FemtuneError, np.linalg.LinAlgError):
+            return result
+        other = _with_needed(alone, candidates, table, refit, line, search, len(fit.poles))
+        result = other if other[0] is not alone and _is_better(other[0], result[0]) else result
+    return _mixtures_marked(*_tied_again(*result, table, refit, line))
 
 
 def _with_needed(
@@ -142,25 +147,98 @@ def _with_clusters(
     """
     kept, now_fit, added = candidates, fit, list[int]()
     tried = _tried(candidates)
+    trials = list[tuple[ModalFit, tuple[int, ...]]]()
     for i in tried:
         trial = _with_these(kept, now_fit, (i,), table, refit)
         if trial is not None and _stands_out(trial, _place(kept, i)):
             kept, now_fit, added = _taken(kept, (i,)), trial, [*added, i]
+        elif trial is not None:
+            trials.append((trial, (i,)))
     if added or _is_noise(fit, line):
         return kept, now_fit, added, True
-    groups = [*((i,) for i in tried), *combinations(tried[:MOST_IN_PAIRS], 2)]
-    trials = [(trial, g) for g in groups if (trial := _with_these(kept, fit, g, table, refit)) is not None]
+    pairs = combinations(tried[:MOST_IN_PAIRS], 2)
+    trials += [(trial, g) for g in pairs if (trial := _with_these(kept, fit, g, table, refit)) is not None]
     if not trials:
         return kept, fit, [], True
     best, group = min(trials, key=lambda one: one[0].deviance)
     return _taken(kept, group), best, list(group), False
 
 
+_NEEDED = "; the functions are noise only with it"
+"""End of the reason of a cluster that the fit needs."""
+
+
 def _taken(candidates: Sequence[Candidate], these: tuple[int, ...]) -> list[Candidate]:
     kept = list(candidates)
     for i in these:
-        kept[i] = replace(kept[i], chosen=True, reason=f"{kept[i].reason}; the functions are noise only with it")
+        kept[i] = replace(kept[i], chosen=True, reason=kept[i].reason + _NEEDED)
     return kept
+
+
+def _tied_again(
+    fit: ModalFit, candidates: tuple[Candidate, ...], table: PoleTable, refit: Refit, line: Reals | None
+) -> tuple[ModalFit, tuple[Candidate, ...]]:
+    """With modes that ended far from where their poles began, tied to the cluster at their end.
+
+    A pole that was looked for outside the band may end at a mode in it, and one that began at a cluster of the noise at
+    a mode beside another. Such a pole is a mode if the errors near it are noise with it and larger by more than chance
+    without it.
+    """
+    lines = fit.measured.freq_hz
+    for end in fit.poles[
+        (np.abs(fit.poles) >= 2.0 * np.pi * lines[0]) & (np.abs(fit.poles) <= 2.0 * np.pi * lines[-1])
+    ]:
+        r = int(np.argmin(np.abs(fit.poles - end)))
+        chosen = [j for j, c in enumerate(candidates) if c.chosen]
+        own = -1 if fit.outside[r] else chosen[fit.begun_at[r]]
+        if own >= 0 and (candidates[own].reason == CHOSEN_BY_USER or _is_near(end, candidates[own], table)):
+            continue
+        near = [i for i in _free(candidates) if _is_near(end, candidates[i], table)]
+        if not near:
+            continue
+        i = min(near, key=lambda i: distance_from(end, table.poles[candidates[i].members]))
+        moved = _taken(candidates, (i,))
+        if own >= 0:
+            moved[own] = replace(moved[own], chosen=False, reason=moved[own].reason.removesuffix(_NEEDED))
+        inside = np.flatnonzero(~fit.outside)
+        starts = dict(zip((chosen[b] for b in fit.begun_at[inside]), fit.poles[inside]))
+        starts = {j: pole for j, pole in starts.items() if j != own}
+        outside = fit.poles[fit.outside & (np.arange(len(fit.poles)) != r)]
+        try:
+            without = refit(np.array([starts[j] for j in sorted(starts)]), outside, np.inf)
+            starts[i] = end
+            trial = refit(np.array([starts[j] for j in sorted(starts)]), outside, np.inf)
+        except (FemtuneError, np.linalg.LinAlgError):
+            continue
+        place = sorted(starts).index(i)
+        at = complex(trial.poles[trial.begun_at == place][0])
+        is_mode = _is_near(at, candidates[i], table) and _explains(trial, without, place, APART)
+        if is_mode and _stands_out(trial, place) and _is_white(trial, _near(lines, at), line):
+            fit, candidates = trial, tuple(moved)
+    return fit, candidates
+
+
+def _free(candidates: Sequence[Candidate]) -> list[int]:
+    """Clusters that are no modes, unless a person dropped them."""
+    return [i for i, c in enumerate(candidates) if not c.chosen and c.reason != DROPPED_BY_USER]
+
+
+def _is_near(end: complex, one: Candidate, table: PoleTable) -> bool:
+    """Whether a pole is in the place of a cluster."""
+    return distance_from(end, table.poles[one.members]) <= float(allowed_distance(np.array(one.damping_ratio)))
+
+
+def _mixtures_marked(fit: ModalFit, candidates: tuple[Candidate, ...]) -> tuple[ModalFit, tuple[Candidate, ...]]:
+    """With the mark of clusters whose shapes are mixtures: of two modes within their bandwidth that few orders part."""
+    kept = list(candidates)
+    chosen = [j for j, c in enumerate(kept) if c.chosen]
+    ends = {chosen[b]: fit.poles[r] for r, b in enumerate(fit.begun_at.tolist()) if b >= 0}
+    for j in chosen:
+        if kept[j].reason.endswith(_NEEDED):
+            for i in chosen:
+                if i != j and abs(ends[i] - ends[j]) <= 2.0 * abs(ends[j].real):
+                    kept[i], kept[j] = replace(kept[i], divided=True), replace(kept[j], divided=True)
+    return fit, tuple(kept)
 
 
 def _with_these(
@@ -172,15 +250,15 @@ def _with_these(
     now = dict(zip((chosen[b] for b in fit.begun_at[inside]), fit.poles[inside]))
     now |= {i: complex(table.poles[candidates[i].at]) for i in these}
     try:
-        trial = refit(np.array([now[j] for j in sorted(now)]), fit.poles[fit.outside])
+        below = fit.deviance - by_chance(fit, len(these), CHANCE)
+        trial = refit(np.array([now[j] for j in sorted(now)]), fit.poles[fit.outside], below)
     except (FemtuneError, np.linalg.LinAlgError):
         return None
     for i in these:
         place = sorted(now).index(i)
         end = complex(trial.poles[trial.begun_at == place][0])
-        away = distance_from(end, table.poles[candidates[i].members])
         # one that ends elsewhere says nothing about its cluster
-        if away > allowed_distance(np.array(candidates[i].damping_ratio)) or not _explains(trial, fit, place):
+        if not _is_near(end, candidates[i], table) or not _explains(trial, fit, place):
             return None
     return trial
 
@@ -196,9 +274,8 @@ def _is_better(trial: ModalFit, fit: ModalFit) -> bool:
         return False
     if len(trial.poles) < len(fit.poles):
         return not _is_better(fit, trial)
-    n, u, _ = fit.measured.values.shape
     more = len(trial.poles) - len(fit.poles)
-    return gain(trial, fit) > (float(chdtri(more * (2 + 2 * n * u), CHANCE)) if more else 0.0)
+    return gain(trial, fit) > (by_chance(fit, more, CHANCE) if more else 0.0)
 
 
 def _with_divided(
@@ -222,7 +299,7 @@ def _with_divided(
             step = part * 1j * abs(fit.poles[r].real)
             poles = np.concatenate([start[:i], [start[i] - step, start[i] + step], start[i + 1 :]])
             try:
-                trial = refit(poles, fit.poles[fit.outside])
+                trial = refit(poles, fit.poles[fit.outside], fit.deviance - by_chance(fit, 1, CHANCE))
             except (FemtuneError, np.linalg.LinAlgError):
                 continue
             parts = (i, i + 1)
@@ -250,16 +327,17 @@ def _tried(candidates: Sequence[Candidate]) -> list[int]:
     left = [
         i
         for i, c in enumerate(candidates)
-        if not c.chosen and c.reason.startswith("stable in") and max(c.share.values()) >= LEAST_SHARE
+        if not c.chosen
+        and c.reason.startswith(("stable in", NO_MORE_THAN_NOISE))
+        and max(c.share.values()) >= LEAST_SHARE
     ]
     return sorted(left, key=lambda i: -max(candidates[i].share.values()))[:MOST_TRIALS]
 
 
 def _explains(trial: ModalFit, fit: ModalFit, begun_at: int, least_apart: float = _APART) -> bool:
     """Whether a further pole in the band, with a known damping, explains more than chance."""
-    n, u, _ = trial.measured.values.shape
     more = max(len(trial.poles) - len(fit.poles), 1)
-    if not trial.converged or gain(trial, fit) <= float(chdtri(more * (2 + 2 * n * u), CHANCE)):
+    if not trial.converged or gain(trial, fit) <= by_chance(fit, more, CHANCE):
         return False
     r = int(np.flatnonzero(trial.begun_at == begun_at)[0])
     pole, others, lines = trial.poles[r], np.delete(trial.poles, r), trial.measured.freq_hz
@@ -302,7 +380,21 @@ def _noise_power(left: Complexes) -> Reals:
 def _is_white(fit: ModalFit, near: Integers, line: Reals | None) -> bool:
     """Whether what the fit leaves near a pole is noise, in the functions of which it leaves most."""
     left = _left(fit, line)[:, :, near]
-    return bool(np.mean(_noise_power(left)) >= LEAST_WHITE * np.mean(np.abs(left) ** 2))
+    size = np.mean(np.abs(left) ** 2, axis=2)
+    share = size / max(float(size.max()), np.finfo(float).tiny)
+    # errors of functions of which the fit leaves little do not count
+    count = max(len(near) * float(np.sum(share)) ** 2 / max(float(np.sum(share**2)), 1.0), 1.0)
+    return bool(np.mean(_noise_power(left)) >= min(LEAST_WHITE, 1.0 - WHITE_BY_CHANCE / np.sqrt(count)) * np.mean(size))
+
+
+def leaves_noise(fit: ModalFit, line: Reals) -> list[bool]:
+    """Of each pole from which the fit of a record started, whether noise only is left near its end."""
+    inside = np.flatnonzero(~fit.outside)
+    near = {int(fit.begun_at[r]): _near(fit.measured.freq_hz, fit.poles[r]) for r in inside}
+    return [
+        _is_white(fit, near[b], line) and _excess(fit, near[b], line) <= _most_excess(fit, near[b])
+        for b in sorted(near)
+    ]
 
 
 def _excess(fit: ModalFit, near: Integers, line: Reals | None) -> float:

@@ -25,7 +25,7 @@ from femtune.identification.choice import (
 from femtune.identification.force_noise import with_force_noise
 from femtune.identification.frf_checks import check_frfs, dead_responses
 from femtune.identification.in_place import in_place
-from femtune.identification.information import with_needed_modes
+from femtune.identification.information import leaves_noise, with_needed_modes
 from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.late_channels import late_notices
@@ -231,8 +231,8 @@ def _identified(
     lines = of_record if of_record is None or asked.band_hz is None else of_record.inside(*band)
     fitted, known = (elastic, errors) if lines is None else (lines.frfs, None)
 
-    def refit(inside: Complexes, outside: Complexes) -> ModalFit:
-        return fit_modes(fitted, inside, known, terms, neighbours=outside, whole=lines)
+    def refit(inside: Complexes, outside: Complexes, below: float) -> ModalFit:
+        return fit_modes(fitted, inside, known, terms, neighbours=outside, whole=lines, below=below)
 
     def search(inside: Complexes) -> ModalFit:
         return fit_with_neighbours(fitted, inside, known, terms, lines)
@@ -243,9 +243,9 @@ def _identified(
         fit, candidates = with_needed_modes(fit, candidates, table, refit, lines.line, search)
         chosen = np.flatnonzero([c.chosen for c in candidates])
         by_hand = [c.reason == CHOSEN_BY_USER for c in candidates]
-    if lines is not None and fit.converged:
-        fit = with_force_noise(fit, lines, terms)
+    white = None if lines is None else leaves_noise(fit, lines.line)
     if lines is not None:
+        fit = with_force_noise(fit, lines, terms) if fit.converged else fit
         fit = _beside_functions(fit, elastic, lines, terms)
         # those without the decays that the ends of the record cut off, and without its other transients
         motion = fit.measured if lines.width and asked.rigid is None else motion
@@ -262,7 +262,7 @@ def _identified(
     clusters = tuple(chosen[fit.begun_at[fit.reported]].tolist())
     used = whole if of_record is None else fit.measured
     quality = fit_quality(_with_window(system, shift).frf(used.freq_hz), used)
-    remarks = (*kept, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic))))
+    remarks = (*kept, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic)), white))
     shapes, labels = leading_shapes(fit), whole.responses.labels()
     step_s = 1.0 / (_SAMPLES_PER_PERIOD * float(whole.freq_hz[-1]))
     late = late_notices(shapes, freq_and_damping(fit.poles[fit.reported])[0], labels, step_s, counted=False)

@@ -31,6 +31,10 @@ SMALL = 1e-9
 """Steps of all poles below this fraction of their modulus end the iteration."""
 SMALL_GAIN = 1e-4
 """Decrease of χ² of a whole record that ends the iteration: the poles are within a hundredth of their errors."""
+HOPELESS = 30.0
+"""Factor on the decrease that two steps in turn predict, above which a fit is ended if more is missing for it to be of
+use. Of fits that decrease by more than 10 after a step, half decrease by no more than three times what it predicts,
+nine of ten by 49 times."""
 _FARTHEST = 5.0
 """Largest magnitude of a pole over the highest line of a whole record: at five times the Nyquist frequency a strongly
 damped motion decays to 1e-7 within a sample."""
@@ -120,6 +124,7 @@ def fit_modes(
     most_steps: int = MOST_STEPS,
     neighbours: Complexes = NO_POLES,
     whole: WholeRecord | None = None,
+    below: float = np.inf,
 ) -> ModalFit:
     """Refine poles on all functions.
 
@@ -133,6 +138,7 @@ def fit_modes(
     neighbours : further poles, of modes outside the band
     whole : the record of which `frfs` are the lines, in place of `sd`: its transients are fitted too, and the noise of
         each response is what the fit leaves
+    below : the deviance below which the fit is of use; one that will not be below ends early, and has not converged
 
     Raises
     ------
@@ -144,7 +150,7 @@ def fit_modes(
     kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
     problem = _Problem(used, kept, terms, whole)
     begun_at = np.append(np.arange(len(start)), np.full(len(neighbours), -1))
-    fitted_poles, now, steps, converged = _iterate(problem, poles, most_steps)
+    fitted_poles, now, steps, converged = _iterate(problem, poles, most_steps, below)
     order = np.argsort(np.abs(fitted_poles))
     if (np.diff(order) < 0).any():
         fitted_poles, now, begun_at = fitted_poles[order], problem.solve(fitted_poles[order]), begun_at[order]
@@ -163,7 +169,8 @@ def deviance_at(
         squares = left_squares(values, basis.columns, None if whole is None else whole.line)
         return float(2.0 * len(used.freq_hz) * np.sum(np.log(np.maximum(squares, np.finfo(float).tiny))))
     kept = sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
-    return _deviance(_Problem(used, kept, terms, whole).solve(poles), len(used.freq_hz), stated=True)
+    problem = _Problem(used, kept, terms, whole)
+    return problem.deviance(problem.solve(poles))
 
 
 def _check_start(poles: Complexes, frfs: FrfSet, terms: tuple[str, ...]) -> None:
@@ -193,6 +200,10 @@ class _Problem:
         weights = None if self.sd is None else np.sqrt(2.0) / self.sd.reshape(values.shape)
         return solve_residues(values, basis, weights, len(poles))
 
+    def deviance(self, now: Solved) -> float:
+        """The `deviance` of a fit."""
+        return _deviance(now, len(self.frfs.freq_hz), self.sd is not None)
+
     @property
     def farthest(self) -> float:
         """Largest magnitude of a pole, rad/s. What decays within a sample has no transient that a record could show."""
@@ -204,12 +215,16 @@ class _Problem:
         return None if self.whole is None else self.whole.line
 
 
-def _iterate(problem: _Problem, poles: Complexes, most_steps: int) -> tuple[Complexes, Solved, int, bool]:
-    now = problem.solve(poles)
+def _iterate(problem: _Problem, poles: Complexes, most_steps: int, below: float) -> tuple[Complexes, Solved, int, bool]:
+    now, before = problem.solve(poles), np.inf
     for step in range(most_steps):
         move = np.linalg.lstsq(now.normal, now.gradient, rcond=1e-13)[0]
-        if problem.whole is not None and 0.0 <= now.gradient @ move < SMALL_GAIN:
+        predicted = float(now.gradient @ move)
+        if problem.whole is not None and 0.0 <= predicted < SMALL_GAIN:
             return poles, now, step, True
+        if problem.deviance(now) - HOPELESS * max(predicted, before) > below:
+            return poles, now, step, False
+        before = predicted
         delta = move[: len(poles)] + 1j * move[len(poles) :]
         poles, now, length = _shortened(problem, poles, delta, now)
         if length * np.max(np.abs(delta) / np.abs(poles)) < SMALL:
@@ -264,7 +279,7 @@ def _as_fit(
         converged,
         begun_at,
         np.zeros(m, bool),
-        _deviance(now, k, problem.sd is not None),
+        problem.deviance(now),
         ends,
     )
 

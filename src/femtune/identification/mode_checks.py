@@ -14,6 +14,12 @@ from femtune.testdata.checks import LOW_COLLINEARITY
 
 LARGE_DAMPING = 0.1
 """Damping ratio above which a mode is reported: structures have less, computational poles and filters have more."""
+LARGE_AND_KNOWN = 0.2
+"""The same for a mode whose damping the data determine, beside which the fit of a record leaves noise only: poles that
+are computational or stand for a filter do not have both."""
+WELL_KNOWN = 0.1
+"""Standard deviation of a damping ratio relative to it, below which it is determined. It is large only if it is above
+the limit by two standard deviations."""
 KNOWN_DAMPING = 2.0
 """Standard deviations above zero that the damping ratio of a mode has at least; a pole with less is reported. A pole of
 the noise is fitted to single lines, with hardly any damping."""
@@ -44,19 +50,29 @@ class ModeRemark:
 
 
 def damping_remarks(
-    freq_hz: Sequence[float] | Reals, damping_ratio: Reals | None, sd: Reals | None = None
+    freq_hz: Sequence[float] | Reals,
+    damping_ratio: Reals | None,
+    sd: Reals | None = None,
+    noise_only: Sequence[bool] | None = None,
 ) -> tuple[ModeRemark, ...]:
     """``identify.damping`` of modes that do not decay, or are damped above `LARGE_DAMPING`; unknown damping has none.
 
     With standard deviations also of modes whose damping ratio is less than `KNOWN_DAMPING` of them above zero.
+
+    Parameters
+    ----------
+    noise_only : of each mode, whether its fit to a record leaves noise only near it; its damping may be
+        `LARGE_AND_KNOWN`
     """
     if damping_ratio is None:
         return ()
     remarks = []
     for i, (hz, ratio) in enumerate(zip(freq_hz, damping_ratio)):
         error = 0.0 if sd is None else float(sd[i])
-        if ratio > LARGE_DAMPING:
-            notice = Notice("identify.damping", frequency_hz=float(hz), ratio=float(ratio), largest=LARGE_DAMPING)
+        known = 0.0 < error < WELL_KNOWN * ratio
+        largest = LARGE_AND_KNOWN if known and noise_only is not None and noise_only[i] else LARGE_DAMPING
+        if ratio - (2.0 * error if known else 0.0) > largest:
+            notice = Notice("identify.damping", frequency_hz=float(hz), ratio=float(ratio), largest=largest)
         elif ratio <= 0.0:
             notice = Notice("identify.damping/negative", frequency_hz=float(hz), ratio=float(ratio))
         elif ratio < KNOWN_DAMPING * error:

@@ -82,10 +82,12 @@ class _Search:
     terms: tuple[str, ...]
     whole: WholeRecord | None
 
-    def fit(self, inside: Complexes, neighbours: Complexes) -> ModalFit | None:
+    def fit(self, inside: Complexes, neighbours: Complexes, below: float) -> ModalFit | None:
         """None if neighbours come so close to each other that their residues are not unique."""
         try:
-            return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours, whole=self.whole)
+            return fit_modes(
+                self.frfs, inside, self.sd, self.terms, neighbours=neighbours, whole=self.whole, below=below
+            )
         except np.linalg.LinAlgError:
             return None
 
@@ -111,7 +113,7 @@ class _Search:
         best = places[int(np.argmin(deviances))]
         if not np.isfinite(min(deviances)):
             return None
-        trial = self.fit(inside, np.append(known, best))
+        trial = self.fit(inside, np.append(known, best), fit.deviance - by_chance(fit, len(sides)))
         return trial if trial is not None and _is_sound(trial) and explains(trial, fit) else None
 
     def _grid(self, lines: Reals, *, above: bool, more: bool) -> Complexes:
@@ -144,8 +146,13 @@ def _is_sound(fit: ModalFit) -> bool:
 
 def explains(trial: ModalFit, fit: ModalFit) -> bool:
     """Whether two further numbers of each pole and two of each function lower the errors by more than chance."""
+    return gain(trial, fit) > by_chance(fit, len(trial.poles) - len(fit.poles))
+
+
+def by_chance(fit: ModalFit, more: int, chance: float = CHANCE) -> float:
+    """The decrease of −2 log likelihood by further poles that noise explains with this probability."""
     n, u, _ = fit.measured.values.shape
-    return gain(trial, fit) > float(chdtri((len(trial.poles) - len(fit.poles)) * (2 + 2 * n * u), CHANCE))
+    return float(chdtri(more * (2 + 2 * n * u), chance))
 
 
 def gain(trial: ModalFit, fit: ModalFit) -> float:

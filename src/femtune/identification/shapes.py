@@ -265,15 +265,21 @@ def leading_shapes(fit: ModalFit) -> Complexes:
     )
 
 
-def fit_remarks(fit: ModalFit, made: ScaledShapes) -> tuple[ModeRemark, ...]:
-    """Remarks on the modes that are reported: damping, complex shapes, wrong signs, functions that disagree."""
+def fit_remarks(fit: ModalFit, made: ScaledShapes, noise_only: Sequence[bool] | None = None) -> tuple[ModeRemark, ...]:
+    """Remarks on the modes that are reported: damping, complex shapes, wrong signs, functions that disagree.
+
+    Parameters
+    ----------
+    noise_only : of each pole from which the fit started, whether it leaves noise only near its end
+    """
     inside = fit.reported
     freq, damping = freq_and_damping(fit.poles[inside])
     damping_sd = np.sqrt(np.diag(freq_damping_covariance(fit)))[len(inside) :][inside]
     shapes = leading_shapes(fit).T
     collinearity, deviation = ([f(s) for s in shapes] for f in (phase_collinearity, mean_phase_deviation_deg))
+    known = None if noise_only is None else [noise_only[b] for b in fit.begun_at[inside].tolist()]
     remarks = [
-        *damping_remarks(freq, damping, damping_sd),
+        *damping_remarks(freq, damping, damping_sd, known),
         *collinearity_remarks(freq, collinearity, deviation),
         *mass_remarks(freq, made.mass_sign[inside]),
     ]

@@ -41,6 +41,10 @@ _DISTINCT = 0.1
 modes that are much closer than their bandwidth: their shapes tell."""
 
 
+NO_MORE_THAN_NOISE = "it explains no more than the noise near it"
+"""Reason of a candidate that is dropped."""
+
+
 def without_poles_of_noise(
     candidates: Sequence[Candidate], table: PoleTable, frfs: FrfSet, share: float
 ) -> tuple[Candidate, ...]:
@@ -58,7 +62,7 @@ def without_poles_of_noise(
         alone = sum(part >= share for part in one.share.values()) < 2
         # what is dropped does not stand in for the next one: of two poles that share a mode, one stays
         if one.chosen and alone and not stands_out(frfs, *_of_one_order(table, one.at, there)):
-            checked[i] = replace(one, chosen=False, reason="it explains no more than the noise near it")
+            checked[i] = replace(one, chosen=False, reason=NO_MORE_THAN_NOISE)
             there[one.members] = False
     return tuple(checked)
 

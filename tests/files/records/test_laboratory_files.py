@@ -617,6 +617,14 @@ def test_damaged_mdf(tmp_path: Path, content: bytes) -> None:
     assert caught.value.code in ("record.file", "record.too-large")
 
 
+@pytest.mark.parametrize("name", ["a.txt", "a.dat", "a"])
+def test_the_first_bytes_tell_the_format(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(lvm())
+    check(read_record(tmp_path / name), [FORCE, G * ONE])
+    (tmp_path / name).write_bytes(blocks_of_mdf())
+    assert read_record(tmp_path / name).samples == 64
+
+
 def test_mdf_of_version_3(tmp_path: Path) -> None:
     (tmp_path / "a.mdf").write_bytes(blocks_of_mdf().replace(struct.pack("<H", 410), struct.pack("<H", 330), 1))
     with pytest.raises(FemtuneError) as caught:

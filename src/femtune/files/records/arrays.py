@@ -24,8 +24,10 @@ from femtune.files.records.table import (
     RecordTable,
     as_columns,
     check_columns,
+    in_seconds,
     is_time,
     problem,
+    time_unit,
 )
 
 NamedArrays = Mapping[str, Any]
@@ -270,13 +272,18 @@ def table_of(path: Path, arrays: NamedArrays, variable: str | None) -> RecordTab
     if variable is None and (columns := _channels_by_name(arrays)):
         rows = [np.asarray(arrays[name], dtype=float).ravel() for name in columns]
         check_columns(len(rows), path)
-        times = next((row for name, row in zip(columns, rows) if is_time(_last(name))), None)
-        kept = [(name, row) for name, row in zip(columns, rows) if row is not times]
+        named_times = [(name, row) for name, row in zip(columns, rows) if is_time(_last(name))]
+        times = next((_in_seconds(name, row) for name, row in named_times), None)
+        kept = [(name, row) for name, row in zip(columns, rows) if not is_time(_last(name))]
         return RecordTable(
             np.array([row for _, row in kept]), tuple(n for n, _ in kept), _rate(arrays), times, str(path)
         )
     values = as_columns(np.asarray(arrays[_wanted(path, arrays, variable)]), path)
     return RecordTable(values, ("",) * len(values), _rate(arrays), _times(arrays, values.shape[1]), str(path))
+
+
+def _in_seconds(name: str, times: NDArray) -> NDArray:
+    return in_seconds(times, time_unit(_last(name)) or 1.0)
 
 
 def _last(name: str) -> str:
@@ -303,7 +310,7 @@ def _times(arrays: NamedArrays, samples: int) -> NDArray | None:
     """A vector of times beside the record, as long as this."""
     for name, size in _vectors(arrays).items():
         if is_time(_last(name)) and size == samples:
-            return np.asarray(arrays[name], dtype=float).ravel()
+            return _in_seconds(name, np.asarray(arrays[name], dtype=float).ravel())
     return None
 
 

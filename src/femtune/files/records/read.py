@@ -23,6 +23,8 @@ from femtune.units import SI, UnitSystem, force_unit
 
 _RATE_TOLERANCE = 1e-3
 """Relative difference up to which two sampling rates are the same: files round 1/step to four digits and more."""
+_LONGEST_SIGNATURE = 32
+"""First bytes of a file that may tell its format."""
 _EXACT_RATE = 1e-5
 """Relative error of a rate up to which nothing needs to be said: standard deviations of frequencies are larger."""
 
@@ -119,6 +121,10 @@ def format_named(path: Path, key: str | None) -> RecordFormat:
     """The format that was named, or the one that the content or the extension tells (error ``record.format``)."""
     if key is None and is_universal(path):
         key = "uff"
+    if key is None and path.is_file():
+        with path.open("rb") as stream:
+            first = stream.read(_LONGEST_SIGNATURE)
+        key = next((one.key for one in RECORD_FORMATS if one.signatures and first.startswith(one.signatures)), None)
     format = RECORD_FORMATS.of_suffix(path) if key is None else RECORD_FORMATS[key]
     if format is None:
         known = ", ".join(RECORD_FORMATS.suffixes)

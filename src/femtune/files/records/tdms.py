@@ -16,7 +16,15 @@ from femtune.arrays import Reals
 from femtune.files.records.arrays import check_size
 from femtune.files.records.clocks import ClockGroup
 from femtune.files.records.headings import stated_channel
-from femtune.files.records.table import NUMBER_KINDS, RecordTable, check_columns, is_time, problem
+from femtune.files.records.table import (
+    NUMBER_KINDS,
+    RecordTable,
+    check_columns,
+    in_seconds,
+    is_time,
+    problem,
+    time_unit,
+)
 
 _TIME_KIND = "M"
 """Kind of `numpy.dtype` of time stamps."""
@@ -89,7 +97,7 @@ def _groups_of(path: Path, name: str, channels: Sequence[Any]) -> Iterator[Clock
             step = float(one.properties.get("wf_increment", 0.0) or 0.0)
             numeric.append(_Channel(str(one.name), _unit(one.properties), step, np.asarray(values, dtype=float)))
     for one in [c for c in numeric if is_time(c.name) and not c.step_s > 0.0]:
-        times[len(one.values)] = one.values
+        times[len(one.values)] = in_seconds(one.values, time_unit(one.name, one.unit) or 1.0)
         numeric.remove(one)
     clocks: dict[tuple[int, float], list[_Channel]] = {}
     for one in numeric:

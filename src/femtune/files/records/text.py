@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import datetime
 import io
 import itertools
@@ -10,7 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from femtune.errors import Notice
+from femtune.files.records.headings import stated_channel, stated_rate
 from femtune.files.records.table import RecordTable, check_columns, is_time, problem, split_times
+from femtune.unit_labels import says_nothing, unit_label
 
 _MISSING = {"": "nan", "na": "nan", "n/a": "nan", "nan": "nan"}
 _MOST_HEADER_LINES = 200
@@ -20,11 +24,16 @@ _MOST_HEADER_LINES = 200
 def read_text(path: Path) -> RecordTable:
     """A text file: header lines, of which the last may name the columns, then one line a sample.
 
+    Lines of words behind the numbers, and columns of words, are left out with a notice. Without times the header may
+    state the sampling rate, or the time step.
+
     Raises
     ------
     FemtuneError : ``record.file`` for text in place of a number, with its line, and for lines of different length
     """
     lines, stamped = _with_seconds(read_lines(path))
+    lines, footer = _without_footer(lines)
+    lines, words = _without_words(lines)
     first = _first_row(lines, path)
     separator = _separator(lines[first])
     comma = separator != "," and any("," in line for line in lines[first:])
@@ -33,28 +42,107 @@ def read_text(path: Path) -> RecordTable:
     values = _quick(lines[first:], separator, comma)
     if values is None or values.shape[1] != width:
         values = _strict(lines, first, separator, comma, width, path)
-    names = _names(lines, first, separator, width)
+    names, below = _names(lines, first, separator, width)
+    notices = (*((Notice("record.left-out/words", channels=words),) if words else ()), *footer)
     columns = np.ascontiguousarray(values.T)
     if stamped and len(columns) > 1:
-        return RecordTable(columns[1:], names[1:], None, columns[0], str(path))
-    columns, names, times = split_times(columns, names)
-    return RecordTable(columns, names, None, times, str(path))
+        times, columns, names, below = columns[0], columns[1:], names[1:], below[1:]
+    else:
+        keep = [i for i, name in enumerate(names) if not is_time(name)]
+        columns, names, times = split_times(columns, names, below)
+        below = tuple(below[i] for i in keep) if below else ()
+    channels = tuple(map(stated_channel, names, map(_known, below))) if any(map(_known, below)) else ()
+    rate = stated_rate([*lines[:first], *(str(one.facts["text"]) for one in footer)]) if times is None else None
+    return RecordTable(columns, names, rate, times, str(path), channels, notices)
+
+
+def _is_unit(text: str) -> bool:
+    plain = text.strip("[](){} ")
+    return says_nothing(plain) or unit_label(plain) is not None
+
+
+def _known(unit: str) -> str:
+    """A unit of motion or force in a line of units; others say nothing of the structure."""
+    label = unit_label(unit.strip("[](){} "))
+    return unit.strip("[](){} ") if label is not None and (label.motion or label.is_force) else ""
 
 
 def read_lines(path: Path) -> list[str]:
-    """The lines of a text in UTF-8 or Latin-1 (error ``record.file`` for a binary file)."""
+    """The lines of a text in UTF-8, UTF-16 or Latin-1 (error ``record.file`` for a binary file)."""
+    content = path.read_bytes()
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        is_wide = content[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        text = content.decode("utf-16" if is_wide else "utf-8-sig")
     except UnicodeDecodeError:
-        text = path.read_text(encoding="latin-1")
+        text = content.decode("latin-1")
     if "\x00" in text:
         raise problem(path, "record.file/binary")
     return text.splitlines()
 
 
+_MOST_FOOTER_LINES = 20
+"""Lines of words behind the numbers; a file with more is another one."""
+
+
+def _without_footer(lines: list[str]) -> tuple[list[str], tuple[Notice, ...]]:
+    """The lines without those at the end that begin with a word, and what they say."""
+    end = len(lines)
+    while end > 0 and (not lines[end - 1].strip() or re.match(r"\s*\"?[^\W\d_]{2}", lines[end - 1])):
+        end -= 1
+    words = [line.strip() for line in lines[end:] if line.strip() and line.strip().lower() not in _MISSING]
+    if not end or not words or len(words) > _MOST_FOOTER_LINES or _is_row_of_missing(words[0]):
+        return lines, ()
+    return lines[:end], (Notice("record.left-out/footer", text=" | ".join(words)[:200]),)
+
+
+def _is_row_of_missing(line: str) -> bool:
+    """Whether a line that begins with a word is a sample that the logger did not get."""
+    return re.match(r"\s*\"?(nan|na|n/a|inf)\b", line, re.IGNORECASE) is not None
+
+
+_LIKE_ROWS = 5
+"""Lines with words in the same columns that make a table with columns of words."""
+
+
+def _without_words(lines: list[str]) -> tuple[list[str], str]:
+    """The lines without columns of words, and their names; of a table that has no row of numbers alone."""
+    head = lines[:_MOST_HEADER_LINES]
+    if any(_is_row(line) for line in head):
+        return lines, ""
+    kinds = [_kinds(line) for line in head]
+    like = (i for i, kind in enumerate(kinds) if sum(kind) > 1 and kinds[i : i + _LIKE_ROWS] == [kind] * _LIKE_ROWS)
+    first = next(like, None)
+    if first is None:
+        return lines, ""
+    separator, kind = _separator(lines[first]) or " ", kinds[first]
+    out = []
+    for line in lines:
+        fields = _fields(line, separator)
+        same = len(fields) == len(kind)
+        out.append(separator.join(f for f, number in zip(fields, kind) if number) if same else line)
+    names = _names(lines, first, separator, len(kind))[0]
+    return out, ", ".join(name or f"column {i}" for i, (name, number) in enumerate(zip(names, kind), 1) if not number)
+
+
+def _is_row(line: str) -> bool:
+    """Whether a line is one of numbers, at least one of them given."""
+    if not line.strip() or line.lstrip()[0] in "#%":
+        return False
+    separator = _separator(line)
+    fields = _fields(line, separator)
+    return _numbers(fields, separator != ",") and any(f.strip() for f in fields)
+
+
+def _kinds(line: str) -> list[bool]:
+    """Of each field, whether it is a number."""
+    separator = _separator(line)
+    return [bool(f.strip()) and _number(f, separator != ",") is not None for f in _fields(line, separator)]
+
+
 _STAMP = re.compile(
     r'\s*"?(?:(?P<date>\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4})(?:[T ]|"?[;,\t]"?)\s*)?'
-    r'(?P<hours>\d\d?):(?P<minutes>\d\d):(?P<seconds>\d\d(?:[.,]\d+(?=["\s;,\t]|Z|[+-]\d\d:))?)(?:Z|[+-]\d\d:?\d\d)?"?'
+    r'(?P<hours>\d\d?):(?P<minutes>\d\d):(?P<seconds>\d\d(?:[.,]\d+(?=["\s;,\t]|Z|[+-]\d\d:)|:\d{3}(?!\d))?)'
+    r'(?:\s?(?P<half>[AP]M))?(?:Z|[+-]\d\d:?\d\d)?"?'
 )
 """A date and time of day, or a time of day, at the start of a line; date and time may be two columns."""
 _DAY_S = 86_400.0
@@ -71,8 +159,10 @@ def _with_seconds(lines: list[str]) -> tuple[list[str], bool]:
     stamps = {i: match for i, line in enumerate(lines[first:], first) if (match := _STAMP.match(line)) is not None}
     moments, days, before = {}, 0, 0.0
     for i, match in stamps.items():
-        seconds = float(match["seconds"].replace(",", "."))
-        clock = 3600.0 * int(match["hours"]) + 60.0 * int(match["minutes"]) + seconds
+        seconds = float(match["seconds"].replace(",", ".").replace(":", "."))
+        hours = int(match["hours"])
+        hours = hours if match["half"] is None else hours % 12 + 12 * (match["half"] == "PM")
+        clock = 3600.0 * hours + 60.0 * int(match["minutes"]) + seconds
         day = _day(match["date"])
         # midnight, where no date says so
         days += day is None and clock < before - 0.5 * _DAY_S
@@ -134,13 +224,9 @@ def _numbers(fields: list[str], comma: bool) -> bool:
 
 def _first_row(lines: list[str], path: Path) -> int:
     """The first line that is all numbers, at least one of them given."""
-    for i, line in enumerate(lines[:_MOST_HEADER_LINES]):
-        if not line.strip() or line.lstrip()[0] in "#%":
-            continue
-        separator = _separator(line)
-        fields = _fields(line, separator)
-        if _numbers(fields, separator != ",") and any(f.strip() for f in fields):
-            return i
+    first = next((i for i, line in enumerate(lines[:_MOST_HEADER_LINES]) if _is_row(line)), None)
+    if first is not None:
+        return first
     raise problem(path, "record.file/no-numbers")
 
 
@@ -176,13 +262,18 @@ def _strict(lines: list[str], first: int, separator: str | None, comma: bool, wi
     return np.array(out, dtype=float)
 
 
-def _names(lines: list[str], first: int, separator: str | None, width: int) -> tuple[str, ...]:
-    """Names from the lines before the numbers that have as many of them as there are columns.
+def _names(lines: list[str], first: int, separator: str | None, width: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names from the lines before the numbers that have as many of them as there are columns, and the line below them.
 
-    It is the line that names a column of times, as a line of units may follow; otherwise the last one.
+    It is the line that names a column of times, as a line of units may follow; otherwise the last one. () without a
+    line below.
     """
     before = [line for line in lines[:first] if line.strip()]
     rows = [tuple(f.strip().strip('"') for f in _fields(line.lstrip("#% "), separator)) for line in reversed(before)]
     rows = list(itertools.takewhile(lambda row: len(row) == width, rows))
-    with_times = (row for row in rows if any(map(is_time, row)))
-    return next(with_times, rows[0] if rows else ("",) * width)
+    if not rows:
+        return ("",) * width, ()
+    at = next((i for i, row in enumerate(rows) if any(map(is_time, row))), 0)
+    if at + 1 < len(rows) and all(map(_is_unit, rows[at])) and any(map(is_time, rows[at + 1])):
+        at += 1
+    return rows[at], rows[at - 1] if at else ()

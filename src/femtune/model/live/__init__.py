@@ -7,14 +7,17 @@ from femtune._lazy import lazy_names
 if TYPE_CHECKING:
     from femtune.model.live.basis import SecondBasis, second_basis
     from femtune.model.live.chebyshev import ChebyshevFunctions, Separated, separated_terms
+    from femtune.model.live.frfs import LiveDamping, LivePorts
     from femtune.model.live.matrices import LiveModel, LiveModes, LiveTerm, live_model
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "ChebyshevFunctions",
+    "LiveDamping",
     "LiveModel",
     "LiveModes",
+    "LivePorts",
     "LiveTerm",
     "SecondBasis",
     "Separated",

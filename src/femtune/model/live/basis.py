@@ -20,6 +20,8 @@ WHOLE = 40
 """Order up to which all of a model is kept: a smaller basis would save nothing."""
 _NEGLIGIBLE = 1e-9
 """Singular value relative to the largest one below which a vector is rounding."""
+_DEPENDENT = 1e-7
+"""Part of a vector outside those before it below which it is rounding."""
 
 
 def is_whole(model: ReducedModel) -> bool:
@@ -35,7 +37,7 @@ class SecondBasis:
     ----------
     model : the first reduced model
     at : (k,) the updated point
-    count : modes that matter, the lowest ones
+    count : vectors that it has in any case: the lowest modes and the static responses at the updated point
     vectors : (r, q) in the coordinates of the first basis; yᵀ(K − σM)y = 1 at the updated point; the first ones are the
         modes there
     """
@@ -53,7 +55,9 @@ class SecondBasis:
         return np.asarray(some @ turned[:, ::-1])
 
 
-def second_basis(model: ReducedModel, at: Reals, points: Sequence[Reals], count: int, most: int) -> SecondBasis:
+def second_basis(
+    model: ReducedModel, at: Reals, points: Sequence[Reals], count: int, most: int, forces: Reals | None = None
+) -> SecondBasis:
     """The basis from the modes at points.
 
     Parameters
@@ -61,6 +65,7 @@ def second_basis(model: ReducedModel, at: Reals, points: Sequence[Reals], count:
     points : (k,) each; where the model cannot be solved, one is left out
     count : modes that matter
     most : vectors at most
+    forces : (r, f) whose static responses the basis must have too; None without any
 
     Raises
     ------
@@ -71,9 +76,14 @@ def second_basis(model: ReducedModel, at: Reals, points: Sequence[Reals], count:
         return SecondBasis(model, at, start.wanted, start.vectors)
     point = start.point
     root = la.cholesky(point.stiffness - model.shift * point.mass)
-    first = root @ start.vectors[:, : max(start.wanted, 1)]
-    first = la.qr(first, mode="economic")[0]
+    modes = start.vectors[:, : max(start.wanted, 1)]
+    if forces is not None:
+        modes = np.hstack([modes, _responses(model, at, forces)])
+    first = _independent(root @ modes)
+    wanted = start.wanted if forces is None else first.shape[1]
     snapshots = [root @ _shapes(model, x, count) for x in points]
+    if forces is not None:
+        snapshots += [root @ _responses(model, x, forces) for x in points]
     rest = np.hstack([s for s in snapshots if s.size] or [np.zeros((len(root), 0))])
     rest = rest - first @ (first.T @ rest)
     rest = rest - first @ (first.T @ rest)
@@ -82,7 +92,25 @@ def second_basis(model: ReducedModel, at: Reals, points: Sequence[Reals], count:
         left = left[:, size > _NEGLIGIBLE]
         first = np.hstack([first, left])
     vectors = la.solve_triangular(root, first[:, :most])
-    return SecondBasis(model, at, start.wanted, vectors)
+    return SecondBasis(model, at, wanted, vectors)
+
+
+def _independent(vectors: Reals) -> Reals:
+    """An orthonormal basis of what the vectors span, the first ones first."""
+    Q, R = la.qr(vectors, mode="economic")
+    size = np.linalg.norm(vectors, axis=0)
+    return np.asarray(Q[:, np.abs(np.diag(R)) > _DEPENDENT * size[: len(Q.T)]])
+
+
+def _responses(model: ReducedModel, x: Reals, forces: Reals) -> Reals:
+    """(r, f) responses (K − σM)⁻¹F of unit energy; none where the model has none."""
+    point = model.at(x)
+    try:
+        found = la.cho_solve(la.cho_factor(point.stiffness - model.shift * point.mass), forces)
+    except la.LinAlgError:
+        return np.zeros((model.order, 0))
+    energy = np.einsum("rf,rf->f", forces, found)
+    return np.asarray(found[:, energy > 0.0] / np.sqrt(energy[energy > 0.0]))
 
 
 def _shapes(model: ReducedModel, x: Reals, count: int) -> Reals:

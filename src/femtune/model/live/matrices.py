@@ -129,24 +129,34 @@ class LiveModel:
         upper[self._triangle] = np.array(values) @ self._packed[kind] if values else 0.0
         return upper + upper.T - np.diag(np.diag(upper))
 
-    def modes(self, x: NDArray, added: Reals | None = None) -> LiveModes:
-        """The lowest modes, as the page computes them.
+    def matrices(self, x: NDArray, added: Reals | None = None) -> tuple[Reals, Reals]:
+        """K − σM and M, each (q, q).
 
         Parameters
         ----------
         added : (d, q) rows that see the motion of an added mass, each times the root of the mass; none without it
-
-        Raises
-        ------
-        scipy.linalg.LinAlgError : where K − σM is not positive definite, or a motion has lost its stiffness
         """
         size = mass_sizes(self.theta)
         moved = self._deviation("mass", x) * np.outer(size, size)
         if added is not None:
             moved = moved + added.T @ added
         A = np.eye(self.order) + self._deviation("stiffness", x) - self.shift * moved
-        M = np.diag(self.theta) + moved
-        count = min(self.count, self.order)
+        return A, np.diag(self.theta) + moved
+
+    def modes(self, x: NDArray, added: Reals | None = None, count: int | None = None) -> LiveModes:
+        """The lowest modes, as the page computes them.
+
+        Parameters
+        ----------
+        added : as in `matrices`
+        count : their number; None takes those that are shown
+
+        Raises
+        ------
+        scipy.linalg.LinAlgError : where K − σM is not positive definite, or a motion has lost its stiffness
+        """
+        A, M = self.matrices(x, added)
+        count = min(count or self.count, self.order)
         theta, z = la.eigh(M, A, subset_by_index=[self.order - count, self.order - 1])
         theta, z = theta[::-1], z[:, ::-1]
         finite = theta > MASSLESS * theta[0]

@@ -18,7 +18,7 @@ from femtune.steps.live.record import LiveCertificate
 
 if TYPE_CHECKING:
     from femtune.arrays import Integers, Reals
-    from femtune.model import ConfiguredModel
+    from femtune.model import ConfiguredModel, EigenSolution
     from femtune.model.live import LiveModel, LiveModes
     from femtune.model.reduce import ReducedModel
     from femtune.residuals import CaseState
@@ -92,12 +92,16 @@ class FullModel:
     ----------
     vectors : (n, q) basis of the live model
     told : called before each solution
+    least : modes that are solved for at least
+    also : called with the parameters and the solution at each point
     """
 
     state: CaseState
     configured: ConfiguredModel
     vectors: Reals = field(repr=False)
     told: Callable[[], None] = field(repr=False)
+    least: int = 0
+    also: Callable[[Reals, EigenSolution], None] | None = field(default=None, repr=False)
     kind: Literal["full model", "reduced model"] = "full model"
 
     @property
@@ -110,9 +114,11 @@ class FullModel:
         self.told()
         case, point = self.state.case.on_full_model, self.configured.at(x)
         try:
-            solution = case.solver.modes(point, count, None)
+            solution = case.solver.modes(point, max(count, self.least), None)
         except FemtuneError:
             return None
+        if self.also is not None:
+            self.also(x, solution)
         shapes, mass = solution.shapes, point.symmetric_mass
         return OtherModes(
             solution.eigenvalues, np.asarray(case.sensors @ shapes),

@@ -12,7 +12,9 @@ from femtune.document.page_view import (
     LiveCertificateView,
     LiveCheckView,
     LiveConfigurationView,
+    LiveCriterionView,
     LiveDrawsView,
+    LiveFunctionsView,
     LiveOtherView,
     LiveParameterView,
     LivePartView,
@@ -20,9 +22,13 @@ from femtune.document.page_view import (
     LiveTermView,
     LiveView,
     as_stored,
+    single,
 )
+from femtune.units import unit_system
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from femtune.document.document import Block
@@ -30,6 +36,7 @@ if TYPE_CHECKING:
         LiveCertificate,
         LiveConfiguration,
         LiveDraws,
+        LiveFunctions,
         LivePart,
         LiveRegion,
         LiveResults,
@@ -50,15 +57,21 @@ def live(source: ReportSource) -> list[Block]:
 
 def _certificate(found: LiveResults) -> Table:
     wide = "ranges of the sliders" if found.narrowed else "bounds"
+    functions = any(f.region or f.bounds for c in found.configurations for f in c.functions)
+    last = ("FRFs, %",) if functions else ()
     heads = (
         Column("Configuration"), Column("Order", "right"), Column("Where"), Column("Compared with"),
-        *(Column(title, "right") for title in ("Points", "Frequency, %", "MAC", "χ², %")),
+        *(Column(title, "right") for title in ("Points", "Frequency, %", "MAC", "χ², %", *last)),
     )  # fmt: skip
     rows = tuple(
-        row(c.configuration, str(c.order), where, _other(one), *_errors(one))
+        row(
+            c.configuration, str(c.order), where, _other(one), *_errors(one),
+            *([_of_functions(c, one, of_region)] if last else []),
+        )
         for c in found.configurations
-        for where, one in (
-            ("95 % region", c.region), ("95 % region", c.region_full), (wide, c.bounds), (wide, c.bounds_full)
+        for where, of_region, one in (
+            ("95 % region", True, c.region), ("95 % region", True, c.region_full),
+            (wide, False, c.bounds), (wide, False, c.bounds_full),
         )
         if one is not None
     )  # fmt: skip
@@ -69,6 +82,11 @@ def _certificate(found: LiveResults) -> Table:
         "subspace. When it is opened, the page first solves points whose frequencies are stored; if it finds others, "
         "it says so and shows none."
     )
+    if functions:
+        note += (
+            " χ² is that of the modes. FRFs are always compared with the full model, at some of the points: root of "
+            "the sum of squares of the differences over the lines, relative to that of the function."
+        )
     return Table("Errors of the live model", heads, rows, note)
 
 
@@ -85,20 +103,32 @@ def _errors(c: LiveCertificate) -> tuple[Cell | str, ...]:
     return f"{c.points}{corners}{without}", *sizes
 
 
+def _of_functions(c: LiveConfiguration, one: LiveCertificate, of_region: bool) -> str:
+    """The error of the functions, in the row of what they were compared with; that of the other is empty."""
+    whole = c.region_full if of_region else c.bounds_full
+    found = [e for f in c.functions if (e := f.region if of_region else f.bounds) is not None]
+    if not found or (whole is not None and one is not whole):
+        return "–"
+    return f"{_size(max(e.percent for e in found))} ({found[0].points} points)"
+
+
 def _size(error: float) -> str:
     return "< 0.001" if error < 1e-3 else short(error)
 
 
 def _remarks(found: LiveResults) -> list[Block]:
     out = [
-        "The intervals, the tests of the fit and the verdict of this report are those of the update; they do not "
-        "follow the sliders."
+        "The intervals, the tests of the fit (score and neighbour tests among them) and the verdict of this report are "
+        "those of the update; they do not follow the sliders."
     ]
     if found.narrowed:
         out.append(f"The sliders end before the bounds: {found.narrowed}.")
     if found.others:
         kinds = ", ".join(o.kind for o in found.others)
         out.append(f"Not computed again, so that their part of χ² keeps the value of the update: {kinds}.")
+    reasons = dict.fromkeys(c.functions_reason for c in found.configurations if c.functions_reason)
+    if reasons:
+        out.append(f"Measured FRFs are not computed again: {'; '.join(reasons)}.")
     if found.solutions:
         out.append(f"It took {counted(found.solutions, 'more solution')} of the full model.")
     return [Paragraph(" ".join(out), "muted")]
@@ -179,9 +209,51 @@ def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurat
         region=tuple(_errors_view(k) for k in (c.region_full, c.region) if k is not None),
         bounds=tuple(_errors_view(k) for k in (c.bounds_full, c.bounds) if k is not None),
         checks=tuple(
-            LiveCheckView(_floats(source, k.x_key), _floats(source, k.eigenvalues_key), k.chi_square) for k in c.checks
+            LiveCheckView(_floats(source, k.x_key), _floats(source, k.eigenvalues_key), k.chi_square, k.functions)
+            for k in c.checks
         ),
+        functions=tuple(_functions(source, f) for f in c.functions),
+        functions_reason=c.functions_reason,
+        criteria=tuple(_criteria(source, c.configuration)),
     )  # fmt: skip
+
+
+def _functions(source: ReportSource, f: LiveFunctions) -> LiveFunctionsView:
+    test = _array(source, f.test_values_key)
+    note = f"Damping of the model: {f.damping}. " + (f"Every {f.every}th line is shown." if f.every > 1 else "")
+    found = (("region", f.region), ("bounds", f.bounds))
+    return LiveFunctionsView(
+        kind=f.kind, ordinate=f.kind.capitalize() + (f", {f.unit}" if f.unit else ""), look=f.look, outputs=f.outputs,
+        inputs=f.inputs, freq_hz=as_stored(_array(source, f.freq_key)), test_real=single(test.real),
+        test_imaginary=single(test.imag), output_rows=as_stored(_array(source, f.outputs_key)),
+        input_rows=as_stored(_array(source, f.inputs_key)), modes=f.modes, ratios=f.damping_ratios,
+        ratios_hz=f.damping_hz, hysteretic=f.hysteretic, loss_factor=f.loss_factor, si=_to_si(source), label=f.label,
+        form=f.form,
+        sd=None if f.sd_key is None else single(_array(source, f.sd_key)),
+        shift=None if f.shift_key is None else single(_array(source, f.shift_key)), note=note.strip(),
+        errors=tuple((where, e.points, e.percent) for where, e in found if e is not None),
+    )  # fmt: skip
+
+
+def _to_si(source: ReportSource) -> float:
+    """Metre per newton of a unit of length per unit of force."""
+    units = unit_system(source.results.study.units)
+    return units.length / units.force
+
+
+_QUANTITIES = {"frequency error": "frequency", "MAC": "mac"}
+"""Quantities of criteria that the page computes, as `femtune.validation.criteria` names them."""
+
+
+def _criteria(source: ReportSource, configuration: str) -> Iterator[LiveCriterionView]:
+    """Those of the pairs at the end of the update."""
+    found = [c for c in source.results.correlations if c.configuration == configuration]
+    for one in found[-1].criteria if found else ():
+        quantity = one.name.removesuffix(f", {one.standard}")
+        yield LiveCriterionView(
+            one.name, _QUANTITIES.get(quantity, ""), one.sense == "at most", one.limit, one.unit, one.measured,
+            one.verdict, one.remark,
+        )  # fmt: skip
 
 
 def _errors_view(c: LiveCertificate) -> LiveCertificateView:

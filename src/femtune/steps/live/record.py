@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from femtune.modal.kinds import FrfKind
+from femtune.residuals.kinds import FrfForm
 from femtune.study.record import Record
 
 LiveQuantity = Literal["frequency", "shape", "mac"]
@@ -147,7 +149,70 @@ class LiveCheck(Record):
     eigenvalues_key: str
     """Key of the eigenvalues there, in rad²/s²."""
     chi_square: float
-    """Sum of squares of all residuals that the page computes for this configuration, paired as at the update."""
+    """Sum of squares of the residuals of modes that the page computes for this configuration, paired as at the
+    update."""
+    functions: tuple[float, ...] = ()
+    """Sum of the squares of the magnitudes of the functions of each entry of `functions`."""
+
+
+class LiveFunctionErrors(Record):
+    """Largest difference of FRFs between a live model and the full one."""
+
+    points: int
+    """Points at which both were solved."""
+    percent: float
+    """Largest of all functions and points: root of the sum of squares of the differences over the lines, relative to
+    that of the function of the full model, in %; 1e9 where the live model has no modes."""
+
+
+class LiveFunctions(Record):
+    """Measured FRFs of a configuration, beside which the page draws those of the live model."""
+
+    kind: FrfKind
+    """Receptance, mobility or accelerance."""
+    unit: str
+    """Their unit."""
+    look: Literal["test", "equalised"]
+    """"equalised" where the test is compared with equal damping."""
+    outputs: tuple[str, ...]
+    """Labels of the outputs."""
+    inputs: tuple[str, ...]
+    """Labels of the inputs."""
+    freq_key: str
+    """Key of the lines in Hz."""
+    every: int
+    """Every n-th line of the test is taken."""
+    test_values_key: str
+    """Key of the test (outputs, inputs, lines); NaN where nothing is compared."""
+    outputs_key: str
+    """Key of the motion of the outputs (outputs, order)."""
+    inputs_key: str
+    """Key of the forces of unit inputs (inputs, order)."""
+    modes: int
+    """Modes that are superposed; of all others the response far below their frequencies is added."""
+    damping: str
+    """What damps them, in words."""
+    damping_ratios: tuple[float, ...]
+    """Damping ratios by mode, the last one also of those above; a table with `damping_hz`."""
+    damping_hz: tuple[float, ...] = ()
+    """Natural frequencies of the table."""
+    hysteretic: bool = False
+    """Whether the damping of a mode is an imaginary stiffness."""
+    loss_factor: float = 0.0
+    """Loss factor of the whole stiffness."""
+    label: str = ""
+    """Kind of the residual; "" where the update did not compare these functions."""
+    form: FrfForm = "log-complex"
+    """Form of the residual."""
+    sd_key: str | None = None
+    """Key of the standard deviations of the residual (outputs, inputs, lines); None where the page does not compute
+    its χ²."""
+    shift_key: str | None = None
+    """Key of what is added to logarithms of magnitudes; None where nothing is."""
+    region: LiveFunctionErrors | None = None
+    """Differences in the 95 % region."""
+    bounds: LiveFunctionErrors | None = None
+    """Differences within the ranges of the parameters."""
 
 
 class LiveCertificate(Record):
@@ -171,8 +236,8 @@ class LiveCertificate(Record):
     mac_pairs: int
     """Number of MACs that were compared."""
     chi_square_percent: float | None
-    """Largest difference of the sum of squares that the page computes for this configuration, in % of that of the other
-    model, which counts at least as 1; None where the page computes none."""
+    """Largest difference of the sum of squares of the residuals of modes that the page computes for this configuration,
+    in % of that of the other model, which counts at least as 1; None where the page computes none."""
 
 
 class LiveConfiguration(Record):
@@ -235,6 +300,10 @@ class LiveConfiguration(Record):
     """The same within the ranges of the parameters."""
     checks: tuple[LiveCheck, ...]
     """Points that the page checks."""
+    functions: tuple[LiveFunctions, ...] = ()
+    """Measured FRFs that are drawn beside those of the live model."""
+    functions_reason: str = ""
+    """Why some or all measured FRFs are not computed again; "" where all are, or none were measured."""
 
 
 class LiveResults(Record):

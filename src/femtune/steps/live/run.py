@@ -11,11 +11,16 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.model.live import LiveModel, SecondBasis, Separated, live_model, second_basis, separated_terms
+from femtune.model.live import LiveModel, LivePorts, SecondBasis, Separated, live_model, second_basis, separated_terms
 from femtune.model.live.basis import is_whole
 from femtune.model.live.matrices import solved
 from femtune.model.reduce import ReducedModel, reduce_model, reduced_modes
+from femtune.model.reduce.estimate import extend
+from femtune.model.reduce.function_estimate import missed_responses
 from femtune.model.reduce.training import candidates
+from femtune.model.response import TIMES_HIGHEST_LINE
+from femtune.residuals.frf.model_way import settled
+from femtune.residuals.frf.residual import FrfResidual
 from femtune.steps.live.certificate import (
     MOST_ERROR,
     CertifiedLive,
@@ -24,12 +29,21 @@ from femtune.steps.live.certificate import (
     elastic_groups,
     frequency_error,
 )
+from femtune.steps.live.frfs import (
+    MOST_OUTPUTS,
+    ComparedFunctions,
+    compared_functions,
+    function_percent,
+    live_values,
+)
 from femtune.steps.live.record import (
     LiveCertificate,
     LiveCheck,
     LiveConfiguration,
     LiveDraws,
     LiveFactor,
+    LiveFunctionErrors,
+    LiveFunctions,
     LiveOtherPart,
     LivePair,
     LiveParameter,
@@ -43,7 +57,7 @@ from femtune.steps.modes.shapes import shape_rows
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
-    from femtune.model import ConfiguredModel
+    from femtune.model import ConfiguredModel, EigenSolution
     from femtune.residuals import CaseState, Evaluation
     from femtune.steps.update.run import FoundParameters
     from femtune.study.cases import StudyCase
@@ -95,6 +109,8 @@ _UNDETERMINED = 100.0
 _LEAST_WIDTH = 1e-9
 _ORDERS = 1.25
 """Ratio of two orders that are tried one after the other."""
+_MOST_MODES = 120
+"""Modes up to twice the highest line from which the functions are not drawn: the basis has room for no more."""
 _DRAWN = 1e-3
 """Part of a motion that drawing may leave out."""
 _SEED = 36
@@ -114,7 +130,7 @@ def live_results(
     distribution, where there is one.
     """
     result, wanted = found.result, study.file.output.live
-    states = [s for s in result.after.states if s.case.on_full_model.on_modes and len(s.case.test)]
+    states = [s for s in result.after.states if _shown(s)]
     if wanted is False or not result.parameters.free or not states:
         return None
     reason = _impossible(study, result) or _too_large(found, states, wanted)
@@ -134,7 +150,7 @@ def live_results(
     for block in result.after.blocks:
         kinds[block.kind] = kinds.get(block.kind, 0.0) + float(block.values @ block.values)
     configurations = _same_kinds(configurations, result.after)
-    done = {part.kind for c in configurations for part in c.parts}
+    done = {part.kind for c in configurations for part in c.parts} | _computed_functions(configurations, result.after)
     others = tuple(LiveOtherPart(kind=k, chi_square=v) for k, v in kinds.items() if k not in done)
     arrays |= stored
     return LiveResults(
@@ -143,6 +159,34 @@ def live_results(
         draws=_draws(result, region, sampled, made.box, bool(others), arrays),
         configurations=tuple(configurations), others=others, solutions=made.solutions,
     )  # fmt: skip
+
+
+def _shown(state: CaseState) -> bool:
+    """Whether a page has something to show of a configuration: modes, or FRFs that are compared."""
+    case = state.case.on_full_model
+    return (case.on_modes and bool(len(state.case.test))) or any(
+        isinstance(settled(one), FrfResidual) for one in case.residuals
+    )
+
+
+def _computed_functions(configurations: Sequence[LiveConfiguration], at: Evaluation) -> set[str]:
+    """Kinds of FRF residuals of which the page computes all, with the values of the update."""
+    kinds = {f.label for c in configurations for f in c.functions if f.label}
+    out = set()
+    for kind in kinds:
+        wanted = {b.configuration for b in at.blocks if b.kind == kind}
+        known = {c.configuration: c for c in configurations}
+        residuals = {
+            s.case.name: [r for r in s.case.on_full_model.residuals if settled(r).label == kind] for s in at.states
+        }
+        whole = all(
+            name in known
+            and len([f for f in known[name].functions if f.label == kind and f.sd_key]) == len(residuals.get(name, ()))
+            for name in wanted
+        )  # fmt: skip
+        if whole:
+            out.add(kind)
+    return out
 
 
 def _impossible(study: Study, result: UpdateResult) -> str:
@@ -324,6 +368,19 @@ class _First:
         """Vectors in the DOFs of the full model."""
         return vectors if self.basis is None else np.asarray(self.basis @ vectors)
 
+    def seen(self, forces: sp.csc_array | None) -> Reals | None:
+        """Forces (n_free, f) in the coordinates of the model; None without any."""
+        if forces is None:
+            return None
+        return np.asarray(forces.toarray() if self.basis is None else (forces.T @ self.basis).T)
+
+
+class _TooManyModesError(Exception):
+    """The lines of the functions reach over more modes than a page has room for."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__(f"there are {count} modes up to twice the highest line, and a page takes {_MOST_MODES}")
+
 
 @dataclass(eq=False)
 class _Making:
@@ -336,6 +393,7 @@ class _Making:
     box: _Box
     solutions: int = 0
     known: dict[str, _First] = field(default_factory=dict)
+    functions: dict[str, tuple[tuple[ComparedFunctions, ...], str]] = field(default_factory=dict)
 
     @property
     def result(self) -> UpdateResult:
@@ -361,7 +419,13 @@ class _Making:
             if isinstance(groups, str):
                 return groups
             if name not in self.known:
-                self.known[name] = self._first(state, configured, count)
+                case = next(c for c in (self.found.study or self.study).cases if c.name == name)
+                self.functions[name] = compared_functions(self.study, case, state, x)
+                try:
+                    self.known[name] = self._first(state, configured, count)
+                except _TooManyModesError as error:
+                    self.functions[name] = (), str(error)
+                    self.known[name] = self._first(state, configured, count)
             return self._made(state, self.known[name], groups, x, count, f"live/{number + 1}", arrays)
         except FemtuneError as error:
             return f"the model cannot be solved at all values of the parameters: {error.what}"
@@ -376,7 +440,9 @@ class _Making:
             [] if is_whole(first.model)
             else [*self._region_points(_REGION_SNAPSHOTS, 1), *self._bounds_points(_BOUNDS_SNAPSHOTS, 1)]
         )  # fmt: skip
-        basis = second_basis(first.model, x, snapshots, count + _ABOVE, min(MOST_ORDER, first.model.order))
+        forces = first.seen(_forces(self.functions[state.case.name][0]))
+        most = min(MOST_ORDER, first.model.order)
+        basis = second_basis(first.model, x, snapshots, count + _ABOVE, most, forces)
         vectors, model = self._smallest(first, basis, groups, x, count)
         if not model.terms:
             return f"no parameter changes stiffness or mass ({state.case.name})"
@@ -384,24 +450,53 @@ class _Making:
         return self._record(case, state, first, vectors, model, prefix, arrays)
 
     def _first(self, state: CaseState, configured: ConfiguredModel, count: int) -> _First:
-        trained = _trained(self.found, state)
-        if trained is not None:
+        trained, functions = _trained(self.found, state), self.functions[state.case.name][0]
+        if trained is None and configured.n_free <= SMALL:
+            return _First(reduce_model(configured, np.eye(configured.n_free), shift=float(state.solution.shift)), None)
+        forces, solution = _forces(functions), None
+        if forces is not None:
+            solution = self._up_to_lines(state, configured, functions)
+            count = max(count, solution.wanted)
+        if trained is None:
+            return self._region_trained(state, configured, count, forces, solution)
+        if solution is None or forces is None or all(f.label for f in functions):
             return _First(*trained)
-        shift = float(state.solution.shift)
-        if configured.n_free <= SMALL:
-            return _First(reduce_model(configured, np.eye(configured.n_free), shift=shift), None)
-        return self._region_trained(state, configured, count, shift)
+        # a basis that was trained for modes alone
+        model, basis = trained
+        metric = state.full.symmetric_stiffness.plus(-model.shift, state.full.symmetric_mass)
+        basis = extend(basis, np.hstack([solution.shapes, missed_responses(solution, forces)]), metric)
+        return _First(reduce_model(configured, basis, shift=model.shift), basis)
 
-    def _region_trained(self, state: CaseState, configured: ConfiguredModel, count: int, shift: float) -> _First:
+    def _up_to_lines(
+        self, state: CaseState, configured: ConfiguredModel, functions: Sequence[ComparedFunctions]
+    ) -> EigenSolution:
+        """Modes of the full model at the updated point up to twice the highest line."""
+        top = TIMES_HIGHEST_LINE * max(float(f.freq_hz[-1]) for f in functions)
+        solution = state.case.on_full_model.solver.modes(configured.at(np.asarray(self.result.x)), None, top)
+        self.solutions += 1
+        if solution.wanted > _MOST_MODES:
+            raise _TooManyModesError(solution.wanted)
+        return solution
+
+    def _region_trained(
+        self, state: CaseState, configured: ConfiguredModel, count: int, forces: sp.csc_array | None,
+        at_update: EigenSolution | None,
+    ) -> _First:  # fmt: skip
         """From modes of the full model at the updated point, in the region and in the bounds."""
         points = [*self._region_points(_TRAINING, 2), *self._bounds_points(_TRAINING, 2)]
-        columns, solver = [state.solution.shapes], state.case.on_full_model.solver
+        columns, solver, shift = [state.solution.shapes], state.case.on_full_model.solver, float(state.solution.shift)
+        if at_update is not None and forces is not None:
+            columns += [at_update.shapes, missed_responses(at_update, forces)]
         for i, x in enumerate(points):
             self.progress.step(f"live model of {state.case.name}: solutions of the full model", i, len(points))
-            columns.append(solver.modes(configured.at(x), count, None).shapes)
+            solution = solver.modes(configured.at(x), count, None)
+            columns.append(solution.shapes)
+            if forces is not None:
+                columns.append(missed_responses(solution, forces))
         self.solutions += len(points)
         metric = state.point.symmetric_stiffness.plus(-shift, state.point.symmetric_mass)
-        basis = np.linalg.qr(np.hstack([c / np.linalg.norm(c, axis=0) for c in columns]))[0]
+        columns = [c[:, (size := np.linalg.norm(c, axis=0)) > 0.0] / size[size > 0.0] for c in columns]
+        basis = np.linalg.qr(np.hstack(columns))[0]
         gram = basis.T @ (metric @ basis)
         size, turned = np.linalg.eigh(0.5 * (gram + gram.T))
         basis = basis @ (turned / np.sqrt(size))
@@ -460,7 +555,11 @@ class _Making:
         known = {i for tests, _ in groups for i in tests}
         parts = page_parts(self.result.after, self.result.after.states.index(state), residuals, known)
         certified = CertifiedLive(model, sensors.astype(float), state, parts)
-        region, bounds, region_full, bounds_full = self._certificates(certified, first, vectors, full)
+        chosen, why_not = self.functions[case.name]
+        ports = [_ports_of(f, full, model) for f in chosen]
+        (region, bounds, region_full, bounds_full), errors = self._certificates(
+            certified, first, vectors, full, [(f, p) for f, p in zip(chosen, ports)]
+        )
         worst = max(c.frequency_percent for c in (region, bounds, region_full, bounds_full) if c is not None)
         if worst > MOST_PERCENT:
             return _too_inaccurate(worst, model.order, state.case.name)
@@ -477,6 +576,8 @@ class _Making:
             **self._drawing(case, full, model),
             **self._mass_rows(case, full),
         }
+        functions = [_function_record(f, p, e, f"{prefix}/functions_{i}", arrays)
+                     for i, (f, p, e) in enumerate(zip(chosen, ports, errors))]  # fmt: skip
         checks = []
         inside = self._region_points(1, 6)
         for i, x in enumerate([*inside, *self._bounds_points(3 - len(inside), 6)]):
@@ -484,7 +585,8 @@ class _Making:
             if modes is not None:
                 stored |= {f"check_{i}_x": np.asarray(x), f"check_{i}": modes.eigenvalues}
                 keys = {"x_key": f"{prefix}/check_{i}_x", "eigenvalues_key": f"{prefix}/check_{i}"}
-                checks.append(LiveCheck(chi_square=certified.chi_square(modes), **keys))
+                sums = tuple(float(np.sum(np.abs(p.values(model, np.asarray(x))) ** 2)) for p in ports)
+                checks.append(LiveCheck(chi_square=certified.chi_square(modes), functions=sums, **keys))
         arrays |= {f"{prefix}/{name}": a for name, a in stored.items()}
         drawn = {name: f"{prefix}/{name}" for name in ("drawing", "drawing_weights", "mass_rows") if name in stored}
         return LiveConfiguration(
@@ -511,13 +613,15 @@ class _Making:
             parts=_part_records(parts), weights_key=f"{prefix}/weights",
             region=region, bounds=bounds, region_full=region_full, bounds_full=bounds_full, checks=tuple(checks),
             drawing_key=drawn.get("drawing"), drawing_weights_key=drawn.get("drawing_weights"),
-            mass_rows_key=drawn.get("mass_rows"),
+            mass_rows_key=drawn.get("mass_rows"), functions=tuple(functions), functions_reason=why_not,
         )  # fmt: skip
 
     def _certificates(
-        self, certified: CertifiedLive, first: _First, vectors: Reals, full: Reals
-    ) -> tuple[LiveCertificate | None, LiveCertificate, LiveCertificate | None, LiveCertificate | None]:
-        """In the region and the ranges, beside the model that the live one is made of, and both beside the full one."""
+        self, certified: CertifiedLive, first: _First, vectors: Reals, full: Reals,
+        functions: Sequence[tuple[ComparedFunctions, LivePorts]],
+    ) -> tuple[_Certificates, list[_FunctionErrors]]:  # fmt: skip
+        """In the region and the ranges, beside the model that the live one is made of, and both beside the full one;
+        and the errors of the functions beside the full one."""
         state, corners = certified.state, self._corners()
         case = state.case.on_full_model
         rows = np.asarray(case.sensors.toarray() if first.basis is None else case.sensors @ first.basis)
@@ -527,19 +631,34 @@ class _Making:
         inside, inside_errors = certified.beside(other, region, 0)
         wide, wide_errors = certified.beside(other, bounds, len(corners))
         assert wide is not None
-        if first.basis is None or max(inside_errors.max(initial=0.0), wide_errors.max()) > MOST_PERCENT:
-            return inside, wide, None, None
+        too_large = max(inside_errors.max(initial=0.0), wide_errors.max()) > MOST_PERCENT
+        if too_large or (first.basis is None and not functions):
+            return (inside, wide, None, None), [(None, None) for _ in functions]
         done = iter(range(2 * _FULL_POINTS))
+        found: list[list[float]] = [[] for _ in functions]
 
         def told() -> None:
             self.progress.step(f"live model of {state.case.name} beside the full model", next(done), 2 * _FULL_POINTS)
             self.solutions += 1
 
-        whole = FullModel(state, case.configured, full, told)
+        def also(x: Reals, solution: EigenSolution) -> None:
+            for (one, ports), percents in zip(functions, found):
+                values = live_values(ports, certified.live, x)
+                percents.append(MOST_ERROR if values is None else function_percent(values, one.of_full(solution)))
+
+        # the functions of the full model have modes up to twice the highest line
+        least = max((p.count for _, p in functions), default=0)
+        whole = FullModel(state, case.configured, full, told, least, also)
         at, beyond = _to_compare(inside_errors, len(region)), _to_compare(wide_errors, _POINTS)
         inside_full, _ = certified.beside(whole, region[at], 0)
+        of_region = [_function_errors(p) for p in found]
+        for percents in found:
+            percents.clear()
         wide_full, _ = certified.beside(whole, bounds[beyond], sum(i >= _POINTS for i in beyond))
-        return inside, wide, inside_full, wide_full
+        errors = list(zip(of_region, [_function_errors(p) for p in found]))
+        if first.basis is None:
+            inside_full = wide_full = None
+        return (inside, wide, inside_full, wide_full), errors
 
     @staticmethod
     def _mass_rows(case: StudyCase, full: Reals) -> dict[str, NDArray]:
@@ -570,6 +689,57 @@ class _Making:
             "drawing": np.round(left / steps).astype(np.int8).reshape(points, 3, -1),
             "drawing_weights": np.asarray(steps[:, None] * (left.T @ motion), np.float32),
         }
+
+
+def _forces(functions: Sequence[ComparedFunctions]) -> sp.csc_array | None:
+    """(n_free, f) unit forces at the inputs and at some outputs, each once; None without functions."""
+    parts = [m for f in functions for m in (f.ports.inputs, f.ports.outputs.T[:, :MOST_OUTPUTS])]
+    if not parts:
+        return None
+    together = sp.csc_array(sp.hstack(parts, format="csc")).toarray()
+    return sp.csc_array(np.unique(np.where(_leading(together) < 0.0, -together, together), axis=1))
+
+
+def _leading(columns: Reals) -> Reals:
+    """The first entry of each column that is not zero."""
+    return np.asarray(columns[np.argmax(columns != 0.0, axis=0), np.arange(columns.shape[1])])
+
+
+def _ports_of(one: ComparedFunctions, full: Reals, model: LiveModel) -> LivePorts:
+    """The functions on the live model, with the rows as they are stored."""
+    seen, driven = (
+        np.asarray(np.asarray(r @ full), np.float32).astype(float) for r in (one.ports.outputs, one.ports.inputs.T)
+    )
+    return LivePorts(one.kind, seen, driven, one.freq_hz, one.modes(model), one.damping)
+
+
+_Certificates = tuple[LiveCertificate | None, LiveCertificate, LiveCertificate | None, LiveCertificate | None]
+_FunctionErrors = tuple[LiveFunctionErrors | None, LiveFunctionErrors | None]
+
+
+def _function_errors(percents: Sequence[float]) -> LiveFunctionErrors | None:
+    return LiveFunctionErrors(points=len(percents), percent=min(max(percents), MOST_ERROR)) if percents else None
+
+
+def _function_record(
+    one: ComparedFunctions, ports: LivePorts, errors: _FunctionErrors, prefix: str, arrays: dict[str, NDArray]
+) -> LiveFunctions:
+    stored: dict[str, NDArray] = {"hz": ports.freq_hz, "test": one.test, "outputs": ports.outputs.astype(np.float32),
+              "inputs": ports.inputs.astype(np.float32)}  # fmt: skip
+    if one.sd is not None:
+        stored["sd"] = one.sd
+    if one.shift is not None:
+        stored["shift"] = one.shift
+    arrays |= {f"{prefix}/{name}": array for name, array in stored.items()}
+    return LiveFunctions(
+        kind=one.kind, unit=one.unit, look=one.look, outputs=one.outputs, inputs=one.inputs,
+        freq_key=f"{prefix}/hz", every=one.every, test_values_key=f"{prefix}/test", outputs_key=f"{prefix}/outputs",
+        inputs_key=f"{prefix}/inputs", modes=ports.count, damping=one.how,
+        damping_ratios=tuple(map(float, one.damping.ratios)), damping_hz=tuple(map(float, one.damping.freq_hz)),
+        hysteretic=one.damping.hysteretic, loss_factor=one.damping.loss_factor, label=one.label, form=one.form,
+        sd_key=f"{prefix}/sd" if "sd" in stored else None, shift_key=f"{prefix}/shift" if "shift" in stored else None,
+        region=errors[0], bounds=errors[1],
+    )  # fmt: skip
 
 
 def _same_kinds(configurations: list[LiveConfiguration], at: Evaluation) -> list[LiveConfiguration]:

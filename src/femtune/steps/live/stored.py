@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.model.live import ChebyshevFunctions, LiveModel, LiveTerm
+from femtune.model.live import ChebyshevFunctions, LiveDamping, LiveModel, LivePorts, LiveTerm
 
 if TYPE_CHECKING:
     from femtune.steps.live.record import LiveConfiguration, LiveResults
@@ -27,9 +27,25 @@ def stored_model(results: LiveResults, configuration: str, arrays: Mapping[str, 
     ------
     ValueError : if there is none of that name
     """
+    return _model(results, _named(results, configuration), arrays)
+
+
+def stored_functions(results: LiveResults, configuration: str, arrays: Mapping[str, NDArray[Any]]) -> list[LivePorts]:
+    """The FRFs of the live model of a configuration; parameters and errors as `stored_model`."""
+    return [
+        LivePorts(
+            f.kind, arrays[f.outputs_key].astype(float), arrays[f.inputs_key].astype(float), arrays[f.freq_key],
+            f.modes,
+            LiveDamping(np.array(f.damping_ratios), np.array(f.damping_hz), f.hysteretic, f.loss_factor),
+        )
+        for f in _named(results, configuration).functions
+    ]  # fmt: skip
+
+
+def _named(results: LiveResults, configuration: str) -> LiveConfiguration:
     for one in results.configurations:
         if one.configuration == configuration:
-            return _model(results, one, arrays)
+            return one
     raise ValueError(f"there is no live model of a configuration called {configuration!r}")
 
 

@@ -130,7 +130,7 @@ def _unused(study: Study, case: StudyCase, x: Reals) -> UnusedFrfs:
     if not np.isfinite(values).any():
         return UnusedFrfs(case, None, "the update used all FRFs of its test")
     left = replace(case, test=replace(case.test, frfs=replace(frfs, values=values)))
-    table = _table(study, case)
+    table = table_of_measured(study, case)
     request = response_request(study, left, table)
     measured = request.measured
     if measured is None:
@@ -177,7 +177,7 @@ def used_functions(study: Study, case: StudyCase) -> NDArray[np.bool_]:
     return used
 
 
-def _table(study: Study, case: StudyCase) -> ResponseTable:
+def table_of_measured(study: Study, case: StudyCase) -> ResponseTable:
     """Kind of the test; way, damping and band of the FRF residual of the configuration, or of the first one."""
     assert case.test is not None
     assert case.test.frfs is not None
