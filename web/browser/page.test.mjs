@@ -175,9 +175,10 @@ async function telephone(path, act) {
   const opened = await open(path, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true }, own);
   const session = await opened.page.context().newCDPSession(opened.page);
   const touch = (type, ...points) => session.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
-  await act({ ...opened, touch });
-  await opened.close();
-  await own.close();
+  try {
+    await act({ ...opened, touch });
+    await opened.close();
+  } finally { await own.close(); }
 }
 
 for (const path of pages) {
