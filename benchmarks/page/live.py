@@ -62,9 +62,9 @@ class Found:
     solver_ms: float
     main_ms: float
     first_ms: float
-    least_ms: float
-    median_ms: float
-    worst_ms: float
+    numbers_ms: tuple[float, float, float]
+    drawn_ms: tuple[float, float, float]
+    shape_ms: float
     narrowed: bool
 
 
@@ -205,7 +205,7 @@ def measured(name: str, path: Path) -> Found:
     page = ft.report(run.folder)
     command = ["node", str(Path(__file__).with_name("live.mjs")), str(ROOT / "web"), str(page), str(INPUTS)]
     answered = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    times = answered["times"]
+    times, numbers = answered["times"], answered["numbers"]
     command = ["node", str(Path(__file__).with_name("solve.mjs")), str(ROOT / "web"), str(page)]
     solver = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     cases, seconds = live.configurations, {d.step: d.duration_s for d in run.results.provenance.durations}
@@ -214,7 +214,8 @@ def measured(name: str, path: Path) -> Found:
         seconds["live model"], errors(run, study, region_points(run)), errors(run, study, inside),
         max((k.frequency_percent for c in cases if (k := c.region_full or c.region)), default=np.nan),
         max((c.bounds_full or c.bounds).frequency_percent for c in cases), page.stat().st_size / 1e6, sum(solver),
-        answered["main_ms"], times[0], min(times[1:]), float(np.median(times[1:])), max(times[1:]), bool(live.narrowed),
+        answered["main_ms"], numbers[0], _spread(numbers[1:]), _spread(times[1:]),
+        float(np.median(answered["shapes"])), bool(live.narrowed),
     )  # fmt: skip
 
 
@@ -225,14 +226,20 @@ machine lengthens the times: the smallest one is nearest to that of a free machi
   at {points} random points and {corners} corners of the ranges of the sliders. Said: what the report states of the same
   from its own comparison with the full model, at other points.
 - Ranges: the bounds of the study, or a range about the 95 % region where an error within the bounds is above 3 %.
-- Time: from the change of a slider to the frame after the answer, in headless Chromium at 1280 × 900 pixels and without
-  a graphics card; the first one, with the solver not yet compiled, and smallest, median and largest of {inputs} more.
-  All configurations are solved.
+- Numbers: time from the change of a slider to the frame that shows frequencies, MAC and criteria, in headless Chromium
+  at 1280 × 900 pixels without 3D; the first one, with the solver not yet compiled, and smallest, median and largest of
+  {inputs} more. With 3D: the same where software takes the place of a graphics card, for the window with the shape and
+  for the whole page; the shape is drawn in the frame after the numbers (median of its time).
 - Solver: processor time of a solution of all configurations in Node. Main: processor time of the main thread of the
   page for an input, with layout and drawing but without the software that draws in place of a graphics card. Other work
   on the machine does not lengthen these two.
 - Seconds: of the part of the run that makes the live model, with the solutions of the full model that it needs.
 """
+
+
+def _spread(times: Sequence[float]) -> tuple[float, float, float]:
+    """Smallest, median and largest."""
+    return min(times), float(np.median(times)), max(times)
 
 
 def page(found: Sequence[Found]) -> str:
@@ -246,7 +253,8 @@ def _lines(found: Sequence[Found]) -> Iterator[str]:
     yield _HOW.format(load=load, processors=os.cpu_count(), points=POINTS, corners=CORNERS, inputs=INPUTS)
     yield (
         "| study | DOFs | parameters | modes | order | solutions | seconds | region, % (said) | ranges | "
-        "error, % (said) | page, MB | solver, ms | main, ms | first, ms | smallest, ms | median, ms | largest, ms |"
+        "error, % (said) | page, MB | solver, ms | main, ms | first, ms | numbers, ms | "
+        "with 3D by software, ms | shape, ms |"
     )
     yield "| --- |" + " ---: |" * 7 + " --- |" + " ---: |" * 8
     for f in found:
@@ -255,8 +263,12 @@ def _lines(found: Sequence[Found]) -> Iterator[str]:
             f"{_percent(f.region_percent)} ({_percent(f.said_region)}) | {'narrowed' if f.narrowed else 'bounds'} | "
             f"{_percent(f.bounds_percent)} ({_percent(f.said_bounds)}) | "
             f"{f.megabytes:.1f} | {f.solver_ms:.1f} | {f.main_ms:.1f} | {f.first_ms:.0f} | "
-            f"{f.least_ms:.0f} | {f.median_ms:.0f} | {f.worst_ms:.0f} |"
+            f"{_three(f.numbers_ms)} | {_three(f.drawn_ms)} | {f.shape_ms:.0f} |"
         )
+
+
+def _three(times: tuple[float, float, float]) -> str:
+    return " / ".join(f"{t:.0f}" for t in times)
 
 
 def _percent(error: float) -> str:

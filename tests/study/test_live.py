@@ -127,6 +127,29 @@ def test_an_added_mass_is_that_of_a_deck_with_it(small: RunResult, bench: Bench)
     np.testing.assert_allclose(found.freq_hz, modes_of_deck(deck, one.count)[0], rtol=1e-5)
 
 
+def test_a_mass_on_a_reduced_live_model_is_that_of_a_deck_with_it(bench: Bench) -> None:
+    text = fine(20)
+    bench.write("twenty.bdf", text)
+    deck = bench.write("truth/twenty.bdf", with_factors(text, 1.3, 0.85))
+    bench.uff(bench.measure(deck, *(f"{n}{d}+" for n in range(3, 22, 2) for d in "YZ")), "twenty.uff")
+    run = ft.run(bench.study(_EI, deck="twenty.bdf", test="twenty.uff"), output=bench.folder / "twenty")
+    live = run.results.live
+    assert live is not None
+    (one,) = live.configurations
+    assert one.order < one.dofs == 120
+    assert len(one.mass_points) == 8
+    assert live.solutions == 0
+    model, worst = stored_model(live, one.configuration, run.arrays), 0.0
+    for k, mass in ((0, 0.7), (4, 3.0), (7, 20.0)):
+        point = one.mass_points[k].removeprefix("grid ")
+        heavy = with_factors(text, 1.4, 0.7).replace("SPC1 ", f"CONM2   77      {point:<8s}        {mass}\nSPC1 ")
+        rows = np.sqrt(mass) * run.arrays[one.mass_rows_key or ""][k]
+        found = model.modes(np.array([0.4, -0.3]), rows).freq_hz
+        exact = modes_of_deck(bench.write(f"heavy_{k}.bdf", heavy), one.count)[0]
+        worst = max(worst, float(np.abs(found / exact - 1.0).max()))
+    assert worst < 1e-4
+
+
 def test_the_edge_of_the_region_is_a_sphere_in_its_own_coordinates(small: RunResult) -> None:
     live = small.results.live
     assert live is not None

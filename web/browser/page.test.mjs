@@ -724,6 +724,10 @@ test("the page answers questions about the region", async () => {
   }
   assert.ok(hz.Lowest[1] < hz.Lowest[0] && hz.Highest[1] > hz.Highest[0]);
   assert.ok(region && draws);
+  await panel.getByRole("button", { name: /^Lowest MAC/ }).click();
+  await told.filter({ hasText: "Lowest MAC of test mode" }).waitFor({ timeout: 60000 });
+  const [, lowest, updated] = /: ([\d.]+); updated ([\d.]+)\./.exec(await told.textContent());
+  assert.ok(Number(lowest) <= Number(updated));
   await panel.getByRole("button", { name: /^Models (that the data allow|within the limit)$/ }).click();
   await told.filter({ hasText: /Model 1 of|no source of such models/ }).waitFor({ timeout: 60000 });
   await close();

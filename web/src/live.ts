@@ -6,6 +6,7 @@ import { criterionRows } from "./livecriteria.ts";
 import { LiveFrfs } from "./livefrfs.ts";
 import { DroppedTest } from "./livetest.ts";
 import { inRegion, type AddedMass, type Solved } from "./livemodel.ts";
+import type { Asked, Extreme } from "./liveregion.ts";
 import { certificateText, partsOf, signed, size, studyLines, truthText, written } from "./livetext.ts";
 import type { Answer, LiveShape } from "./liveworker.ts";
 
@@ -86,6 +87,11 @@ export class LivePanel {
   private chosen = 0;
   private timer = 0;
   private asked = 0;
+  /** When the first input that is not yet asked for was made. */
+  private input: number | null = null;
+  /** Whether the configurations that are not shown are being solved. */
+  private resting = false;
+  private shape: LiveShape | null = null;
   private test: number;
 
   constructor(private readonly view: View, private readonly failed: (why: string) => void) {
@@ -145,10 +151,10 @@ export class LivePanel {
   private fillAsks(): void {
     const button = (text: string, act: () => void) => h("button", { type: "button", click: act }, text), { live } = this;
     const where = live.region ? "the 95 % region" : this.reach;
-    const ask = (sign: number) => () => {
+    const ask = (sign: number, asked: Asked = "frequency") => () => {
       this.stop();
       this.told.textContent = "…";
-      this.worker.postMessage({ kind: "extreme", configuration: this.at, test: this.test, sign, added: this.added });
+      this.worker.postMessage({ kind: "extreme", asked, configuration: this.at, test: this.test, sign, added: this.added });
     };
     const show = button(live.rejected ? "Models within the limit" : "Models that the data allow", () => { this.told.textContent = "…"; this.worker.postMessage({ kind: "allowed", count: MODELS }); });
     const step = (by: number) => () => { this.stop(); this.showModel(this.chosen + by); };
@@ -156,16 +162,18 @@ export class LivePanel {
     play.classList.add("play");
     this.models.append(button("Previous", step(-1)), button("Next", step(1)), play);
     this.asks.replaceChildren(h("legend", {}, "Ask"),
-      h("p", { class: "tools" }, ...(this.live.configurations.some((c) => c.pairs.length) ? [button(`Lowest frequency of the test mode in ${where}`, ask(-1)), button(`Highest frequency of the test mode in ${where}`, ask(1))] : []), ...(live.draws ? [show] : [])),
+      h("p", { class: "tools" }, ...(this.live.configurations.some((c) => c.pairs.length) ? [button(`Lowest frequency of the test mode in ${where}`, ask(-1)), button(`Highest frequency of the test mode in ${where}`, ask(1)), ...(live.configurations.some((c) => c.sensor_labels.length > 1) ? [button(`Lowest MAC of the test mode in ${where}`, ask(-1, "mac"))] : [])] : []), ...(live.draws ? [show] : [])),
       this.models, this.told);
   }
 
-  private takeExtreme(test: number, sign: number, found: { x: number[]; freq_hz: number } | null): void {
+  private takeExtreme(asked: Asked, test: number, sign: number, found: Extreme | null): void {
     const c = this.live.configurations[this.at], first = this.first[this.at], column = first?.pairs[test]?.column ?? -1;
     if (!found || !first || column < 0) { this.told.textContent = "The test mode has no partner."; return; }
     const where = this.live.region ? "the 95 % region of the update (linearised)" : this.reach;
     this.models.hidden = true;
-    this.told.textContent = `${sign < 0 ? "Lowest" : "Highest"} frequency of test mode ${c.test_labels[test]} in ${where}${this.mass ? `, with ${this.massText()}` : ""}: ${shown(found.freq_hz, 5)} Hz; updated${this.mass ? " without the mass" : ""} ${shown(first.freq_hz[column], 5)} Hz, test ${shown(c.test_freq_hz[test])} Hz. Found by steps from the update; the sliders stand at these values.`;
+    const mass = this.mass ? `, with ${this.massText()}` : "";
+    if (asked === "mac") this.told.textContent = `Lowest MAC of test mode ${c.test_labels[test]} in ${where}${mass}: ${found.value.toFixed(3)}; updated ${first.pairs[test].whole?.toFixed(3) ?? "–"}. Found by steps from the update; the sliders stand at these values.`;
+    else this.told.textContent = `${sign < 0 ? "Lowest" : "Highest"} frequency of test mode ${c.test_labels[test]} in ${where}${mass}: ${shown(found.value, 5)} Hz; updated${this.mass ? " without the mass" : ""} ${shown(first.freq_hz[column], 5)} Hz, test ${shown(c.test_freq_hz[test])} Hz. Found by steps from the update; the sliders stand at these values.`;
     this.setAll((p, i) => p.nominal + p.scale * found.x[i]);
   }
 
@@ -271,12 +279,22 @@ export class LivePanel {
   private ask(): void {
     this.lines.value = studyLines(this.live.parameters, this.values);
     this.copied.textContent = "";
+    // an input that waits is counted from when it was made
+    this.input ??= performance.now();
     if (this.busy) { this.waiting = true; return; }
     this.busy = true;
-    this.asked = performance.now();
-    // the configuration that is shown comes first
-    const rest = this.live.configurations.map((_, k) => k).filter((k) => k !== this.at);
-    this.worker.postMessage({ kind: "solve", id: ++this.id, x: this.x, configurations: [this.at, ...rest], shape: this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)), added: this.added && { configuration: this.at, mass: this.added }, functions: this.frfs.chosen && { configuration: this.at, chosen: this.frfs.chosen } });
+    this.asked = this.input;
+    this.input = null;
+    this.id++;
+    this.solve([this.at], true);
+  }
+
+  /** Ask the worker; what is shown comes first, other configurations when nothing newer waits. */
+  private solve(configurations: number[], shown: boolean): void {
+    this.worker.postMessage({
+      kind: "solve", id: this.id, x: this.x, configurations, shape: !shown || this.test < 0 ? null : { configuration: this.at, test: this.test }, off: this.off.map((s) => Array.from(s)),
+      added: this.added && { configuration: this.at, mass: this.added }, functions: shown ? this.frfs.chosen && { configuration: this.at, chosen: this.frfs.chosen } : null,
+    });
   }
 
   private take(answer: Answer): void {
@@ -285,19 +303,35 @@ export class LivePanel {
       this.build();
       return;
     }
-    if (answer.kind === "extreme") { this.takeExtreme(answer.test, answer.sign, answer.extreme); return; }
+    if (answer.kind === "extreme") { this.takeExtreme(answer.asked, answer.test, answer.sign, answer.extreme); return; }
     if (answer.kind === "allowed") { this.takeAllowed(answer.allowed.models, answer.allowed.effective, answer.allowed.weighed); return; }
     this.solved[answer.configuration] = answer.solved;
     if (!this.mass) this.first[answer.configuration] ??= answer.solved;
     if (answer.configuration === this.at) { this.fill(); this.say(); }
     if (answer.functions && answer.configuration === this.at) this.frfs.take(answer.functions);
     if (answer.dropped && answer.solved && answer.configuration === this.at) this.dropped.show(answer.dropped, answer.solved.freq_hz);
-    if (answer.shape) this.draw(answer.shape);
+    if (answer.shape) this.shape = answer.shape;
     if (!answer.last) return;
+    const { asked } = this, rest = this.live.configurations.map((_, k) => k).filter((k) => k !== this.at), shown = !this.resting;
+    if (shown) requestAnimationFrame(() => { this.element.dataset.ms = (performance.now() - asked).toFixed(1); });
+    if (shown && rest.length && !this.waiting) { this.resting = true; this.solve(rest, false); return; }
+    this.resting = this.busy = false;
+    if (this.waiting) { this.waiting = false; this.drawLater(asked, null); this.ask(); return; }
     this.fillParts();
-    requestAnimationFrame(() => { this.element.dataset.ms = (performance.now() - this.asked).toFixed(1); this.element.dataset.solved = String(answer.id); });
-    this.busy = false;
-    if (this.waiting) { this.waiting = false; this.ask(); }
+    this.drawLater(asked, answer.id);
+  }
+
+  /** Draw the shape in the frame after that of the numbers: a computer without a graphics card takes long to draw it. */
+  private drawLater(asked: number, id: number | null): void {
+    requestAnimationFrame(() => setTimeout(() => {
+      const { shape } = this;
+      this.shape = null;
+      if (shape && this.solved[shape.configuration]) this.draw(shape);
+      requestAnimationFrame(() => {
+        if (shape) this.element.dataset.shapeMs = (performance.now() - asked).toFixed(1);
+        if (id !== null) this.element.dataset.solved = String(id);
+      });
+    }));
   }
 
   /** Where the values are, and what holds there. */

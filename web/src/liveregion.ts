@@ -85,21 +85,33 @@ export function linearOptimum(region: LiveRegion | null, x: number[], g: number[
   return inside;
 }
 
-export interface Extreme { x: number[]; freq_hz: number }
+/** What is asked of a region: the frequency of a test mode's partner, or the MAC of the pair. */
+export type Asked = "frequency" | "mac";
+/** Values of the parameters and what is found there: Hz, or MAC. */
+export interface Extreme { x: number[]; value: number }
+
+/** Part of the width of a parameter's range for differences. */
+const STEP = 1e-4;
 
 /**
- * The lowest (sign −1) or highest (sign 1) frequency of a test mode's partner in the region, by steps that stay in it;
- * with the mass that is added, which does not depend on the parameters.
+ * The lowest (sign −1) or highest (sign 1) frequency of a test mode's partner in the region, or MAC of the pair, by steps
+ * that stay in it; with the mass that is added, which does not depend on the parameters.
  */
-export function extreme(model: LiveModel, region: LiveRegion | null, start: number[], test: number, sign: number, added: AddedMass | null = null): Extreme | null {
+export function extreme(model: LiveModel, region: LiveRegion | null, start: number[], test: number, sign: number, added: AddedMass | null = null, asked: Asked = "frequency"): Extreme | null {
   const at = (x: number[]) => {
     const modes = model.modes(x, added), column = modes ? model.follow(modes).get(test) : undefined;
-    return modes && column !== undefined && column >= 0 ? { modes, column, value: modes.eigenvalues[column] } : null;
+    if (!modes || column === undefined || column < 0) return null;
+    const value = asked === "frequency" ? modes.eigenvalues[column] : model.solve(modes).pairs[test].whole;
+    return value === null ? null : { modes, column, value };
   };
+  const slopes = (x: number[], here: { modes: Modes; column: number; value: number }) => (asked === "frequency" ? eigenvalueGradient(model, x, here.modes, here.column) : x.map((v, p) => {
+    const h = STEP * (model.upper[p] - model.lower[p]), [low, high] = [v - h, v + h].map((w) => at(x.map((u, i) => (i === p ? Math.min(model.upper[p], Math.max(model.lower[p], w)) : u))));
+    return low && high ? (high.value - low.value) / (2 * h) : 0;
+  }));
   let x = start.slice(), here = at(x);
   if (!here) return null;
-  for (let turn = 0; turn < 25; turn++) {
-    const g = eigenvalueGradient(model, x, here.modes, here.column).map((v) => sign * v);
+  for (let turn = 0; turn < (asked === "frequency" ? 25 : 10); turn++) {
+    const g = slopes(x, here).map((v) => sign * v);
     const target = linearOptimum(region, x, g, model.lower, model.upper);
     let better = null;
     for (let step = 1; step > 0.01 && !better; step /= 2) {
@@ -110,5 +122,5 @@ export function extreme(model: LiveModel, region: LiveRegion | null, start: numb
     x = better.tried;
     here = better.there;
   }
-  return { x, freq_hz: here.modes.freq_hz[here.column] };
+  return { x, value: asked === "frequency" ? here.modes.freq_hz[here.column] : here.value };
 }

@@ -4,7 +4,7 @@ import { unpack, type Live, type SceneData } from "./data.ts";
 import type { Curve } from "./livefunctions.ts";
 import { inRegion, LiveModel, verified, type AddedMass, type Chosen, type Modes, type Solved } from "./livemodel.ts";
 import { paired, type DroppedModes, type DroppedPair } from "./livepairs.ts";
-import { drawRows, extreme, logWeights, resampled, type Allowed, type Extreme } from "./liveregion.ts";
+import { drawRows, extreme, logWeights, resampled, type Allowed, type Asked, type Extreme } from "./liveregion.ts";
 import { partsOf, scaledSquares } from "./livetext.ts";
 
 export interface Begin { kind: "begin"; live: Live; shapes: (SceneData["live"])[] }
@@ -13,8 +13,8 @@ export interface Solve { kind: "solve"; id: number; x: number[]; configurations:
 export interface Drop { kind: "drop"; configuration: number; modes: DroppedModes | null }
 /** Asks for models that the data allow. */
 export interface AskAllowed { kind: "allowed"; count: number }
-/** Asks for the lowest (−1) or highest (1) frequency of a test mode in the region. */
-export interface AskExtreme { kind: "extreme"; configuration: number; test: number; sign: number; added: AddedMass | null }
+/** Asks for the lowest (−1) or highest (1) frequency or MAC of a test mode in the region. */
+export interface AskExtreme { kind: "extreme"; asked: Asked; configuration: number; test: number; sign: number; added: AddedMass | null }
 /** A shape that is drawn: motion (points, 3), factor from the test's shape to it, and the modes that it is a combination of. */
 export interface LiveShape { configuration: number; test: number; columns: number[]; motion: Float32Array; factor: number }
 /** One of the functions, at the updated point and now. */
@@ -22,7 +22,7 @@ export interface LiveCurves { chosen: Chosen; updated: Curve | null; now: Curve 
 export type Answer =
   | { kind: "ready"; verified: boolean }
   | { kind: "allowed"; allowed: Allowed }
-  | { kind: "extreme"; test: number; sign: number; extreme: Extreme | null }
+  | { kind: "extreme"; asked: Asked; test: number; sign: number; extreme: Extreme | null }
   | { kind: "solved"; id: number; configuration: number; solved: Solved | null; shape: LiveShape | null; functions: LiveCurves | null; dropped: DroppedPair[] | null; last: boolean };
 
 let live: Live;
@@ -114,5 +114,5 @@ self.onmessage = ({ data }: MessageEvent<Begin | Solve | Drop | AskAllowed | Ask
   else if (data.kind === "solve") solve(data);
   else if (data.kind === "drop") dropped = data;
   else if (data.kind === "allowed") allowed(data);
-  else answer({ kind: "extreme", test: data.test, sign: data.sign, extreme: extreme(models[data.configuration], live.region, live.x, data.test, data.sign, data.added) });
+  else answer({ kind: "extreme", asked: data.asked, test: data.test, sign: data.sign, extreme: extreme(models[data.configuration], live.region, live.x, data.test, data.sign, data.added, data.asked) });
 };

@@ -265,8 +265,8 @@ class LiveConfiguration(Record):
     sensors_key: str
     """Key of the motion of the sensors (sensors, order)."""
     mass_points: tuple[str, ...] = ()
-    """Points of sensors at which a mass can be added, "grid 101"; empty where the live model has not all degrees of
-    freedom of the model, which an added mass would need."""
+    """Points of sensors at which a mass can be added, "grid 101": all where the live model has all degrees of freedom
+    of the model, some where it was made of the full matrices, none where it was made of a reduced model."""
     mass_rows_key: str | None = None
     """Key of the translations of these points (points, 3, order)."""
     drawing_key: str | None = None

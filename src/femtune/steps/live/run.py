@@ -104,6 +104,8 @@ _SHOWN = 20
 _DRAWN_LINEAR = 300
 """Samples of the linearised distribution that a page weighs."""
 _MOST_MASS_POINTS = 60
+_MOST_CARRIED = 8
+"""Points of a reduced live model that can carry a mass: each takes three vectors."""
 _UNDETERMINED = 100.0
 """Widths of the samples that a combination of parameters is taken to have where the data leave it undetermined."""
 _LEAST_WIDTH = 1e-9
@@ -440,14 +442,19 @@ class _Making:
             [] if is_whole(first.model)
             else [*self._region_points(_REGION_SNAPSHOTS, 1), *self._bounds_points(_BOUNDS_SNAPSHOTS, 1)]
         )  # fmt: skip
-        forces = first.seen(_forces(self.functions[state.case.name][0]))
+        case = next(c for c in (self.found.study or self.study).cases if c.name == state.case.name)
+        points, parts = _mass_points(case, first), []
+        if points and not is_whole(first.model):
+            parts.append(sp.csc_array(_translations(points, case).T))
+        if (driven := _forces(self.functions[case.name][0])) is not None:
+            parts.append(driven)
+        forces = first.seen(sp.csc_array(sp.hstack(parts, format="csc")) if parts else None)
         most = min(MOST_ORDER, first.model.order)
         basis = second_basis(first.model, x, snapshots, count + _ABOVE, most, forces)
         vectors, model = self._smallest(first, basis, groups, x, count)
         if not model.terms:
             return f"no parameter changes stiffness or mass ({state.case.name})"
-        case = next(c for c in (self.found.study or self.study).cases if c.name == state.case.name)
-        return self._record(case, state, first, vectors, model, prefix, arrays)
+        return self._record(case, state, first, vectors, model, points, prefix, arrays)
 
     def _first(self, state: CaseState, configured: ConfiguredModel, count: int) -> _First:
         trained, functions = _trained(self.found, state), self.functions[state.case.name][0]
@@ -545,8 +552,8 @@ class _Making:
             order = min(order * _ORDERS, float(most))
 
     def _record(
-        self, case: StudyCase, state: CaseState, first: _First, vectors: Reals, model: LiveModel, prefix: str,
-        arrays: dict[str, NDArray],
+        self, case: StudyCase, state: CaseState, first: _First, vectors: Reals, model: LiveModel,
+        points: Sequence[int], prefix: str, arrays: dict[str, NDArray],
     ) -> LiveConfiguration | str:  # fmt: skip
         test, residuals = state.case.test, self.study.problem().residuals
         full = first.full(vectors)
@@ -574,7 +581,7 @@ class _Making:
             "test_shapes": np.asarray(test.shapes, float),
             "weights": weights,
             **self._drawing(case, full, model),
-            **self._mass_rows(case, full),
+            **self._mass_rows(points, case, full),
         }
         functions = [_function_record(f, p, e, f"{prefix}/functions_{i}", arrays)
                      for i, (f, p, e) in enumerate(zip(chosen, ports, errors))]  # fmt: skip
@@ -603,7 +610,7 @@ class _Making:
             triangles_key=f"{prefix}/triangles", polynomials_key=f"{prefix}/polynomials",
             sensors_key=f"{prefix}/sensors", test_shapes_key=f"{prefix}/test_shapes",
             sensor_labels=tuple(map(str, test.dofs)),
-            mass_points=tuple(f"grid {n}" for n in _mass_points(case)) if "mass_rows" in stored else (),
+            mass_points=tuple(f"grid {n}" for n in points),
             test_labels=tuple(test.labels),
             test_freq_hz=tuple(map(float, test.freq_hz)),
             pairs=tuple(
@@ -661,13 +668,11 @@ class _Making:
         return (inside, wide, inside_full, wide_full), errors
 
     @staticmethod
-    def _mass_rows(case: StudyCase, full: Reals) -> dict[str, NDArray]:
-        """Translations of the points of the sensors; none where the live model is not the whole one."""
-        points = _mass_points(case)
-        if full.shape[0] != full.shape[1] or not points:
+    def _mass_rows(points: Sequence[int], case: StudyCase, full: Reals) -> dict[str, NDArray]:
+        """Translations of the points that can carry a mass."""
+        if not points:
             return {}
-        at = [case.configured.model.structure.nodes.position(n) for n in points]
-        rows = case.configured.transformation[(6 * np.array(at)[:, None] + np.arange(3)).ravel()]
+        rows = _translations(points, case)
         return {"mass_rows": np.asarray(rows @ full, np.float32).reshape(len(points), 3, -1)}
 
     def _drawing(self, case: StudyCase, full: Reals, model: LiveModel) -> dict[str, NDArray]:
@@ -770,11 +775,24 @@ def _too_inaccurate(percent: float, order: int, configuration: str) -> str:
     )
 
 
-def _mass_points(case: StudyCase) -> list[int]:
-    """Grid points that sensors of the modes are at."""
+def _mass_points(case: StudyCase, first: _First) -> list[int]:
+    """Grid points of sensors at which a mass can be added: all of a model that is kept whole, and of one with the full
+    matrices some whose static responses are put into the second basis."""
+    if first.basis is not None:
+        return []
     matches = () if case.sensors is None else case.sensors.matches
     known = set(case.configured.model.structure.nodes.ids.tolist())
-    return [n for n in dict.fromkeys(m.node for m in matches if m.node is not None) if n in known][:_MOST_MASS_POINTS]
+    points = [n for n in dict.fromkeys(m.node for m in matches if m.node is not None) if n in known]
+    if is_whole(first.model):
+        return points[:_MOST_MASS_POINTS]
+    spread = np.linspace(0, len(points) - 1, min(len(points), _MOST_CARRIED)).round().astype(int)
+    return [points[i] for i in sorted(set(spread.tolist()))]
+
+
+def _translations(points: Sequence[int], case: StudyCase) -> sp.csr_array:
+    """(3 points, n_free) rows that see the translations of grid points."""
+    at = [case.configured.model.structure.nodes.position(n) for n in points]
+    return sp.csr_array(case.configured.transformation[(6 * np.array(at)[:, None] + np.arange(3)).ravel()])
 
 
 def _part_records(parts: Sequence[PagePart]) -> tuple[LivePart, ...]:
