@@ -56,7 +56,7 @@ class _ErrorsOfFit:
 
 
 @dataclass(frozen=True, eq=False)
-class _Lines:
+class LinesOfRecord:
     """The lines of a record at given poles, all for noise of size 1 at a mean line.
 
     Parameters
@@ -90,8 +90,8 @@ def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] =
     most = MOST_NUMBERS // (2 * n * len(fit.poles))
     # part of the lines has that part of the information
     thin = k > most
-    now = _lines(fit.poles, whole.thinned(most) if thin else whole, terms)
-    noise = _noise(now)
+    now = lines_at(fit.poles, whole.thinned(most) if thin else whole, terms)
+    noise = noise_of(now)
     if noise is None:
         return fit
     variance, force = noise
@@ -115,7 +115,7 @@ def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] =
     return _with_errors(fit, now, variance, errors)
 
 
-def _lines(poles: Complexes, whole: WholeRecord, terms: tuple[str, ...], given: Reals | None = None) -> _Lines:
+def lines_at(poles: Complexes, whole: WholeRecord, terms: tuple[str, ...], given: Reals | None = None) -> LinesOfRecord:
     """With the coefficients of least squares, or those that are given."""
     freq, line, m = whole.frfs.freq_hz, whole.line / np.sqrt(np.mean(whole.line**2)), len(poles)
     inside = modal_basis(freq, poles, whole.frfs.kind, terms)
@@ -131,14 +131,14 @@ def _lines(poles: Complexes, whole: WholeRecord, terms: tuple[str, ...], given: 
     Q = rows[:k] + 1j * rows[k:]
     across = slopes - rows @ shadow
     modal = whole.of_functions(coefficients, m, len(terms))
-    return _Lines(
+    return LinesOfRecord(
         Q, back, (across[:k] + 1j * across[k:]).reshape(k, 2, -1, m), shadow.reshape(q, 2, -1, m), coefficients,
         values - coefficients @ weighted.columns.T, (modal @ inside.columns.T) * line / np.abs(whole.force),
         np.clip(1.0 - 0.5 * np.sum(np.abs(Q) ** 2, axis=1), 0.05, 1.0),
     )  # fmt: skip
 
 
-def _noise(now: _Lines) -> tuple[Reals, float] | None:
+def noise_of(now: LinesOfRecord) -> tuple[Reals, float] | None:
     """(n,) variances of one real part of the responses and that of the force, of most likelihood; None without any."""
     size, loaded, free = np.abs(now.left) ** 2, np.abs(now.loaded) ** 2, 2.0 * now.free
     variance = start = np.maximum(size.sum(axis=1) / free.sum(), np.finfo(float).tiny)
@@ -160,7 +160,7 @@ def _noise(now: _Lines) -> tuple[Reals, float] | None:
     return (variance, force) if gain > float(chdtri(1, CHANCE)) else None
 
 
-def _deviance(now: _Lines, variance: Reals, force: float) -> float:
+def _deviance(now: LinesOfRecord, variance: Reals, force: float) -> float:
     """−2 log likelihood, but for a constant; lines count as far as the fit leaves them free."""
     white = now.left / np.sqrt(variance)[:, None]
     loaded = now.loaded / np.sqrt(variance)[:, None]
@@ -170,7 +170,7 @@ def _deviance(now: _Lines, variance: Reals, force: float) -> float:
     return float(np.sum(np.abs(white) ** 2) - shared.sum() + np.sum(2.0 * now.free * levels))
 
 
-def _slopes(now: _Lines, variance: Reals) -> Complexes:
+def _slopes(now: LinesOfRecord, variance: Reals) -> Complexes:
     """(n, k, 2m) of the functions with the poles, outside of their columns, for noise of size 1."""
     m = now.across.shape[3]
     c = now.coefficients[:, : now.across.shape[2] * m].reshape(len(now.coefficients), -1, m)
@@ -178,9 +178,16 @@ def _slopes(now: _Lines, variance: Reals) -> Complexes:
     return np.asarray(every.reshape(len(c), len(now.Q), 2 * m) / np.sqrt(variance)[:, None, None])
 
 
+def slopes_of_function(now: LinesOfRecord, f: int, variance: Reals) -> Complexes:
+    """(k, 2m) of one function with the poles, outside of the columns, for noise of size 1."""
+    _, _, p, m = now.across.shape
+    one = np.einsum("kapr,pr->kar", now.across, now.coefficients[f, : p * m].reshape(p, m))
+    return np.asarray(one.reshape(len(one), 2 * m) / np.sqrt(variance[f]))
+
+
 def _refitted(
-    poles: Complexes, now: _Lines, variance: Reals, force: float, whole: WholeRecord, terms: tuple[str, ...]
-) -> tuple[Complexes, _ErrorsOfFit, _Lines]:
+    poles: Complexes, now: LinesOfRecord, variance: Reals, force: float, whole: WholeRecord, terms: tuple[str, ...]
+) -> tuple[Complexes, _ErrorsOfFit, LinesOfRecord]:
     """Poles, their errors and coefficients of most likelihood; those before, if the steps do not end."""
     begin, lines, m = poles, now, len(poles)
     for _ in range(MOST_STEPS):
@@ -188,7 +195,7 @@ def _refitted(
         poles = poles + step.poles[:m] + 1j * step.poles[m:]
         if not ((poles.real < 0.0).all() and (poles.imag > 0.0).all() and np.isfinite(poles).all()):
             break
-        lines = _lines(poles, whole, terms, lines.coefficients + step.coefficients)
+        lines = lines_at(poles, whole, terms, lines.coefficients + step.coefficients)
         if (np.abs(step.poles) < SMALL * np.sqrt(np.diag(step.covariance))).all():
             return poles, step.errors(), lines
     return begin, _raised(now, variance, force), now
@@ -218,7 +225,7 @@ class _GaussNewtonStep:
         return _ErrorsOfFit(self.covariance, np.einsum("fpfq->fpq", every), self.moved)
 
 
-def _step(now: _Lines, variance: Reals, force: float) -> _GaussNewtonStep:
+def _step(now: LinesOfRecord, variance: Reals, force: float) -> _GaussNewtonStep:
     slopes, (n, q) = _slopes(now, variance), now.coefficients.shape
     white, loaded = (values / np.sqrt(variance)[:, None] for values in (now.left, now.loaded))
     g = np.sum(np.abs(loaded) ** 2, axis=0)
@@ -244,14 +251,14 @@ def _step(now: _Lines, variance: Reals, force: float) -> _GaussNewtonStep:
     return _GaussNewtonStep(step, change, covariance, factor, -across[:, :a].reshape(n, q, a))
 
 
-def _moved(now: _Lines, step: Reals) -> Reals:
+def _moved(now: LinesOfRecord, step: Reals) -> Reals:
     """(n, q) what a step of the poles does to the coordinates of Q."""
     _, _, p, m = now.shadow.shape
     c = now.coefficients[:, : p * m].reshape(-1, p, m)
     return np.asarray(np.einsum("qapr,ar,fpr->fq", now.shadow, step.reshape(2, m), c, optimize=True))
 
 
-def _raised(now: _Lines, variance: Reals, force: float) -> _ErrorsOfFit:
+def _raised(now: LinesOfRecord, variance: Reals, force: float) -> _ErrorsOfFit:
     """Of poles and residues that were fitted as if the force had no noise."""
     slopes, a = _slopes(now, variance), now.loaded / np.sqrt(variance)[:, None]
     inverse = np.linalg.pinv(np.einsum("fka,fkb->ab", slopes.conj(), slopes, optimize=True).real, hermitian=True)
@@ -268,7 +275,7 @@ def _raised(now: _Lines, variance: Reals, force: float) -> _ErrorsOfFit:
     return _ErrorsOfFit(poles, own, moved)
 
 
-def _with_errors(fit: ModalFit, now: _Lines, variance: Reals, errors: _ErrorsOfFit) -> ModalFit:
+def _with_errors(fit: ModalFit, now: LinesOfRecord, variance: Reals, errors: _ErrorsOfFit) -> ModalFit:
     """With the covariances of poles and residues; that of a pole on which the functions disagree is larger."""
     factor = np.sqrt(np.tile(fit.spread, 2))
     q, _, p, m = now.shadow.shape

@@ -43,6 +43,8 @@ LARGE = 1.5
 """Mean square of the errors near a mode, over the noise of all lines, above which they are looked at: what two modes
 leave that are fitted as one is as narrow as they are. Over a few lines it cannot be told from noise by how it changes
 from line to line."""
+ROUNDING = 1e-6
+"""Errors over the functions below which a fit is exact: no measurement has 120 dB."""
 MOST_IN_PAIRS = 4
 """Clusters that are tried two at once."""
 MOST_ROUNDS = 4
@@ -79,6 +81,8 @@ def with_needed_modes(
     search : where it is given, a cluster may be two modes, and modes outside the band are looked for again beside modes
         that are added
     """
+    if _is_exact(fit):
+        return fit, tuple(candidates)
     result = _with_needed(fit, candidates, table, refit, line, search, len(fit.poles))
     if search is None:
         return result
@@ -409,6 +413,12 @@ def _most_excess(fit: ModalFit, near: Integers) -> float:
     n, u, _ = fit.measured.values.shape
     count = n * u * len(near)
     return max((LARGE - 1.0) * count, 0.5 * float(chdtri(2 * count, CHANCE)) - count)
+
+
+def _is_exact(fit: ModalFit) -> bool:
+    """Whether a fit leaves rounding only, in which poles can be found too."""
+    size = np.sqrt(np.mean(np.abs(fit.measured.values) ** 2, axis=2))
+    return bool(np.median(fit.sd) <= ROUNDING * np.median(size))
 
 
 def _is_noise(fit: ModalFit, line: Reals | None) -> bool:

@@ -34,6 +34,7 @@ from femtune.identification.modal_solve import OUT_OF_BAND, modal_basis
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
 from femtune.identification.near_band import fit_with_neighbours
+from femtune.identification.parts_of_record import with_parts_of_time
 from femtune.identification.plscf import normal_equations, plscf_poles
 from femtune.identification.pole_table import PoleTable, join_tables
 from femtune.identification.rigid_body import with_rigid_body, without_rigid_body
@@ -245,7 +246,7 @@ def _identified(
         by_hand = [c.reason == CHOSEN_BY_USER for c in candidates]
     white = None if lines is None else leaves_noise(fit, lines.line)
     if lines is not None:
-        fit = with_force_noise(fit, lines, terms) if fit.converged else fit
+        fit = with_parts_of_time(with_force_noise(fit, lines, terms), lines, terms) if fit.converged else fit
         fit = _beside_functions(fit, elastic, lines, terms)
         # those without the decays that the ends of the record cut off, and without its other transients
         motion = fit.measured if lines.width and asked.rigid is None else motion

@@ -66,6 +66,9 @@ class ModalFit:
     left : (m,) modes that ended too far from where they began to be the same
     deviance : −2 log likelihood, but for a constant: χ² where standard deviations were given
     ends : (n, k) of a whole record, what the transients of its ends add to the functions
+    by_parts : (m,) of a whole record, by how much parts of its time disagree on each pole, over what noise explains: 1
+        where noise explains it; above it the covariance of that pole has been raised to their scatter
+    by_noise : (m,) part of the standard deviation of each pole that is noise alone
     """
 
     poles: Complexes
@@ -85,6 +88,8 @@ class ModalFit:
     left: Flags
     deviance: float
     ends: Complexes | None = None
+    by_parts: Reals | None = None
+    by_noise: Reals | None = None
 
     def transposed(self) -> ModalFit:
         """The fit with responses and references exchanged; not of a whole record, which has one reference."""

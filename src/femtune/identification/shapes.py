@@ -291,6 +291,12 @@ def fit_remarks(fit: ModalFit, made: ScaledShapes, noise_only: Sequence[bool] | 
         if spread > LARGE_SPREAD and not no_noise:
             notice = Notice("identify.functions-disagree", frequency_hz=float(f), times=float(np.sqrt(spread)))
             remarks.append(ModeRemark(r, notice))
+    if fit.by_parts is not None and fit.by_noise is not None:
+        for r, (f, times, noise) in enumerate(zip(freq, fit.by_parts[inside], fit.by_noise[inside])):
+            if times > 1.0:
+                wider = float(1.0 / noise)
+                notice = Notice("identify.parts-disagree", frequency_hz=float(f), times=float(times), wider=wider)
+                remarks.append(ModeRemark(r, notice))
     return tuple(sorted(remarks, key=lambda remark: remark.mode))
 
 

@@ -120,3 +120,25 @@ def test_a_sample_that_is_missing_is_no_footer(tmp_path: Path) -> None:
     path.write_text("\n".join(["time,a,b", *rows(times())[:-1], f"{T[-1]:.4f},0.1", ""]))
     with pytest.raises(FemtuneError, match="the last line is incomplete"):
         read_record(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+def test_time_records_of_a_universal_file_that_only_labels_say(tmp_path: Path, encoding: str) -> None:
+    """Data types "general" and no nodes: what was measured where is in label and unit of the axis."""
+    sets = []
+    for label, unit, values in (("12x", "m/s²", VALUES[0]), ("hammer", "N", VALUES[1])):
+        head = ["    -1", "    58", *["NONE"] * 5]
+        head += ["    1         0    0         0 NONE               0   0 NONE               0   0"]
+        head += ["         2        64         1 0.00000E+000 5.00000E-003 0.00000E+000"]
+        head += [f"        {17}    0    0    0 Time                 s"]
+        head += [
+            f"         1    0    0    0 {label:<20} {unit}",
+            *["         0    0    0    0 NONE                 NONE"] * 2,
+        ]
+        sets += [*head, *("".join(f"{v:13.5E}" for v in values[i : i + 6]) for i in range(0, 64, 6)), "    -1"]
+    (tmp_path / "a.uff").write_text("\n".join([*sets, ""]), encoding=encoding)
+    found = read_record(tmp_path / "a.uff")
+    assert [(str(c.dof), c.quantity, c.role) for c in found.channels] == [
+        ("12X+", "acceleration", "response"), ("2S+", "force", "input"),
+    ]  # fmt: skip
+    assert found.values == pytest.approx(VALUES, abs=1e-4)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from femtune.dofs import Dof
-from femtune.files.records.table import StatedChannel
+from femtune.files.records.table import LONGEST_HEADING, StatedChannel
 from femtune.unit_labels import PRESSURE, UnitLabel, frequency_factor, time_factor, unit_label
 
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)*)[\])}]")
@@ -31,6 +31,7 @@ def stated_channel(heading: str, unit: str = "") -> StatedChannel:
     >>> stated_channel("hammer").quantity
     'force'
     """
+    heading = heading[:LONGEST_HEADING]
     label = unit or _unit_in(heading)
     plain = _BRACKETS.sub(" ", heading).replace("_", " ")
     return StatedChannel(_dof_in(plain), _quantity(plain, unit_label(label)), label)

@@ -89,9 +89,10 @@ def read_lvm(path: Path) -> list[ClockGroup]:
         has text in place of numbers, with its line
     """
     lines = read_lines(path)
-    if not lines or not lines[0].startswith(_MARK):
-        return [ClockGroup("", with_unnamed_times(read_text(path)))]
     ends = [i for i, line in enumerate(lines) if line.startswith(_END)]
+    if not lines or not lines[0].startswith(_MARK) or len(ends) == 1:
+        # with one header only there is a plain table behind it
+        return [ClockGroup("", with_unnamed_times(read_text(path)))]
     if not ends:
         raise problem(path, "record.file/lvm", 1, problem="its header does not end")
     general = _header(lines[: ends[0]], "\t" if "\t" in lines[0] + lines[1] else ",")

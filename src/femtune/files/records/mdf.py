@@ -7,11 +7,12 @@ the file states are compared with that of the file before memory is taken.
 from __future__ import annotations
 
 import html
+import itertools
 import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
@@ -31,6 +32,8 @@ _FIRST = 64
 """Place of the first block, behind the identification of the file."""
 _MOST_BLOCKS = 100_000
 """Blocks of one list; loggers write some thousands of blocks of data."""
+_MOST_READ = 250_000
+"""Blocks of a file that are read: some seconds."""
 _MOST_TEXT = 65_536
 """Bytes of a text that are read."""
 _BYTE = 8
@@ -98,6 +101,7 @@ class _Blocks:
     path: Path
     stream: IO[bytes]
     size: int
+    count: Iterator[int] = field(default_factory=itertools.count)
 
     def bytes_at(self, at: int, count: int) -> bytes:
         if not 0 <= at <= at + count <= self.size:
@@ -106,6 +110,9 @@ class _Blocks:
         return self.stream.read(count)
 
     def block(self, at: int, *kinds: str) -> _Block:
+        # lists of channels that many groups share would be read again and again
+        if next(self.count) > _MOST_READ:
+            raise _damaged(self.path, f"it has more than {_MOST_READ} blocks")
         mark, length, links = struct.unpack("<4s4xQQ", self.bytes_at(at, _HEADER))
         kind = mark.decode("latin-1").removeprefix("##")
         if kind not in kinds or length < _HEADER + 8 * links:

@@ -103,6 +103,8 @@ def check_columns(count: int, path: object, line: int | None = None) -> None:
         raise problem(path, "record.too-wide", line, count=count, most=MOST_COLUMNS)
 
 
+LONGEST_HEADING = 300
+"""Letters of a heading that are read."""
 _TIME_WORD = re.compile(
     r"(?:(?:elapsed|relative|rel|absolute|abs|sample|sampling|recording|measurement)[ _.-]*)?"
     r"(?:t|time|time[ _-]?stamps?|zeit|temps|tiempo|tempo|epoch|elapsed)"
@@ -126,6 +128,7 @@ def time_unit(name: str, below: str = "") -> float | None:
     >>> time_unit("Time [ms]"), time_unit("t_s"), time_unit("Zeit"), time_unit("Accel X")
     (0.001, 1.0, 1.0, None)
     """
+    name, below = name[:LONGEST_HEADING], below[:LONGEST_HEADING]
     plain = " ".join(_BRACKETS.sub(" ", name).split()).strip('" ').lower()
     stated = [factor for text in (below.strip("[](){} "), *_BRACKETS.findall(name)) if (factor := time_factor(text))]
     if alone := _UNIT_WORD.fullmatch(plain):
@@ -188,8 +191,9 @@ def with_unnamed_times(table: RecordTable) -> RecordTable:
     values = table.values
     if len(values) < 2 or values.shape[1] < _LEAST_ROWS:
         return table
-    plain = _BRACKETS.sub("", table.names[0]).strip().lower()
-    unit = next((factor for text in _BRACKETS.findall(table.names[0]) if (factor := time_factor(text))), None)
+    name = table.names[0][:LONGEST_HEADING]
+    plain = _BRACKETS.sub("", name).strip().lower()
+    unit = next((factor for text in _BRACKETS.findall(name) if (factor := time_factor(text))), None)
     if plain not in _UNNAMED:
         return table
     first = values[0]

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from femtune.files.records.headings import stated_channel
 from femtune.files.records.table import RecordTable, StatedChannel, problem
 from femtune.files.uff.measured_functions import MeasuredFunction, dof_of, read_functions
 from femtune.files.uff.scan import scan_uff
-from femtune.unit_labels import time_factor
+from femtune.unit_labels import says_nothing, time_factor
 
 _TIME_RESPONSE = 1
 """Function type of data set 58."""
@@ -36,7 +37,7 @@ def read_uff_time(path: Path) -> RecordTable:
     _check_clock(path, times)
     first = times[0]
     channels = tuple(_channel(f) for f in times)
-    names = tuple(str(c.dof or "") for c in channels)
+    names = tuple(str(c.dof or "") or _label(f) for c, f in zip(channels, times))
     even = first.header.even and first.header.step > 0.0 and len(first.x) > 1
     rate = (len(first.x) - 1) / (first.x[-1] - first.x[0]) if even and first.x[-1] > first.x[0] else None
     values = np.array([f.values for f in times])
@@ -67,8 +68,18 @@ def _check_clock(path: Path, times: Sequence[MeasuredFunction]) -> None:
 
 
 def _channel(function: MeasuredFunction) -> StatedChannel:
+    """DOF and quantity by the numbers of the header; by the label and the unit of the axis where these say nothing."""
     header = function.header
-    return StatedChannel(dof_of(*header.response), _QUANTITIES.get(header.kinds[1], "unknown"), header.unit_labels[1])
+    unit = header.unit_labels[1]
+    by_label = stated_channel(_label(function), "" if says_nothing(unit) else unit)
+    quantity = _QUANTITIES.get(header.kinds[1], by_label.quantity)
+    dof = dof_of(*header.response) if any(header.response) else by_label.dof
+    return StatedChannel(dof, quantity, unit)
+
+
+def _label(function: MeasuredFunction) -> str:
+    text = function.header.axis_labels[1].strip()
+    return "" if says_nothing(text) else text
 
 
 # ----------------------------------------------------------------------------------------------------

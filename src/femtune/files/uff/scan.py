@@ -230,7 +230,11 @@ def _remark(reader: _UffReader, line: bytes) -> Notice:
 
 def _text(line: bytes) -> str:
     # editors make tabs of blanks, eight columns apart
-    return line.decode("utf-8", errors="replace").rstrip(" \t\r\n\x00\x1a").expandtabs(8)
+    try:
+        text = line.decode("utf-8")
+    except UnicodeDecodeError:
+        text = line.decode("latin-1")
+    return text.rstrip(" \t\r\n\x00\x1a").expandtabs(8)
 
 
 def _data_set(reader: _UffReader, before: Sequence[DataSet]) -> DataSet:

@@ -45,7 +45,7 @@ from femtune.document.page_view import (
     single,
     whole,
 )
-from femtune.identification.mode_checks import LARGE_DAMPING
+from femtune.identification.mode_checks import LARGE_AND_KNOWN, LARGE_DAMPING
 from femtune.steps.report.approval import approval_of, document_facts
 from femtune.units import frf_unit, unit_system
 
@@ -189,8 +189,9 @@ def _modes(made: IdentifyResult) -> Iterator[Block]:
     rows = [row(*_mode_cells(m, methods, made.found.estimates, counted_in)) for m in record.modes]
     note = (
         "σ is the standard deviation (– if the method gives none). The collinearity of a real shape is 1. A mode is "
-        f"doubtful if its damping ratio is not between 0 and {100.0 * LARGE_DAMPING:g} %, or not above zero by two "
-        "standard deviations, if its modal mass is negative, or if a harmonic is within its half-power bandwidth."
+        f"doubtful if its damping ratio is not between 0 and {100.0 * LARGE_DAMPING:g} % "
+        f"({100.0 * LARGE_AND_KNOWN:g} % where a record with a force determines it), or not above zero by two standard "
+        "deviations, if its modal mass is negative, or if a harmonic is within its half-power bandwidth."
     )
     yield Table("Modes", heads, tuple(rows), note)
     if record.harmonics:
