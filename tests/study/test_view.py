@@ -102,7 +102,7 @@ def test_modes_at_samples_of_the_posterior(bench: Bench) -> None:
     drawn = {}
     for draws in (1, 3):
         file = bench.folder / f"draws_{draws}.png"
-        command = [sys.executable, "-m", "femtune", "view", str(study), "--mode", "2", "--draws", str(draws)]
+        command = [sys.executable, "-m", "femtune", "view", str(study), "--mode", "1", "--draws", str(draws)]
         done = subprocess.run(
             [*command, "--picture", str(file)], capture_output=True, text=True, check=False, timeout=200
         )
