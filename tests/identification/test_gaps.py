@@ -136,6 +136,25 @@ def test_modes_of_parts_of_a_record_with_a_force(tmp_path: Path) -> None:
         assert found.modes.damping_ratio == pytest.approx(0.01, rel=0.1)
 
 
+@pytest.mark.slow
+def test_hits_that_a_trigger_has_cut_out(tmp_path: Path) -> None:
+    """Each part begins a little before a hit; between them nothing was recorded."""
+    rng, pieces = np.random.default_rng(5), []
+    for hit in range(4):
+        force = np.zeros((3, 4000))
+        force[0, 60:63] = (1.0 + 0.2 * rng.random()) * np.array([50.0, 100.0, 50.0])
+        motion = accelerations(PLANT, force, 1.0 / 20.0)
+        motion += 1e-3 * motion.std() * rng.standard_normal(motion.shape)
+        pieces.append(np.vstack([np.arange(4000) / 20.0 + 1000.0 * hit, force[0], motion]))
+    table = np.hstack(pieces).T
+    np.savetxt(tmp_path / "r.csv", table, delimiter=",", header="time,hammer 1X+,1X+,2X+,3X+", comments="", fmt="%.8g")
+    found = modes(tmp_path / "r.csv", gaps="parts")
+    assert found.modes.freq_hz == pytest.approx(PLANT.truth.freq_hz, rel=1e-4)
+    assert found.modes.damping_ratio == pytest.approx(0.01, rel=0.02)
+    codes = [alert.code for alert in found.record.alerts]
+    assert {"identify.gaps", "identify.hits"} <= set(codes)
+
+
 def test_messages_of_parts() -> None:
     check_shown("identify.gaps, short parts", Notice("identify.gaps/short-parts", short=2, parts=5))
     check_shown("identify.gaps, with others", FemtuneError("identify.gaps/with-others", other="fragments"))

@@ -3,6 +3,8 @@
 
 export const MOST_BYTES = 60e6;
 const MOST_MODES = 300, MOST_FUNCTIONS = 3000, MOST_LINES = 200_000, MOST_VALUES = 6e6, SHOWN = 3;
+/** Beyond this a value is no response. */
+const LARGEST = 1e30;
 const LETTERS = ["", "X", "Y", "Z", "RX", "RY", "RZ"];
 
 /** A mode: values by point and direction ("301X"). */
@@ -72,10 +74,15 @@ function numbers(set: DataSet, from: number, to: number): number[] {
   for (let i = from; i < to; i++) {
     const line = set.lines[i];
     if (line === undefined) throw new UffError(`Line ${set.first + i + 1}: data set ${set.name} ends too early.`);
-    let rest = 0;
-    for (const found of line.matchAll(NUMBER)) { out.push(Number(found[0].replace(/[Dd]/, "E"))); rest += found[0].length; }
+    let rest = 0, finite = true;
+    for (const found of line.matchAll(NUMBER)) {
+      const value = Number(found[0].replace(/[Dd]/, "E"));
+      finite &&= Number.isFinite(value);
+      out.push(value);
+      rest += found[0].length;
+    }
     // signs and digits alone: NaN, infinities and asterisks are no values
-    if (rest !== line.replace(/\s/g, "").length || !out.every(Number.isFinite)) throw new UffError(`Line ${set.first + i + 1}: "${line.trim().slice(0, 40)}" has something that is no finite number.`);
+    if (!finite || rest !== line.replace(/\s/g, "").length) throw new UffError(`Line ${set.first + i + 1}: "${line.trim().slice(0, 40)}" has something that is no finite number.`);
   }
   return out;
 }
@@ -142,6 +149,7 @@ function functionOf(set: DataSet, factor: number): UffFunction | string {
     if (i && !(freq[i] > freq[i - 1])) throw new UffError(`Line ${set.first + 7}: the frequencies of an FRF do not rise.`);
     real[i] = factor * values[each * i + each - 2];
     imaginary[i] = factor * values[each * i + each - 1];
+    if (!(Math.hypot(real[i], imaginary[i]) < LARGEST && Math.abs(freq[i]) < LARGEST)) throw new UffError(`Line ${set.first + 12}: an FRF has values beyond ${LARGEST.toExponential()}.`);
   }
   if (!(freq[0] >= 0)) throw new UffError(`Line ${set.first + 7}: an FRF begins below 0 Hz.`);
   const name = (p: { node: number; direction: number }) => `${p.node}${LETTERS[Math.abs(p.direction)]}`;

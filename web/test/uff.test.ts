@@ -56,6 +56,7 @@ const HOSTILE: [string, string, RegExp][] = [
   ["two systems of units", UNITS + UNITS.replace("D+03", "D+00") + mode(1, "1.0", TWO), /state different units/],
   ["an FRF with too few values", frf({ lines: 4 }), /has 6 values instead of 8/],
   ["an FRF of a billion lines", frf({ lines: 999999999 }), /with 999999999 lines; up to 200,000/],
+  ["an FRF that no plot can hold", frf({ data: "  1.0 2.0 3.0E+200 4.0\n  5.0 6.0\n" }), /values beyond 1e\+30/],
   ["an FRF without points", frf({ out: "         ?   2" }), /points of an FRF cannot be read/],
   ["a real FRF", frf({ type: 2 }), /1 data set left out: FRFs that are not complex/],
   ["an FRF of strain", frf({ axis: 3 }), /left out: FRFs of something else than motion over force/],
@@ -63,6 +64,12 @@ const HOSTILE: [string, string, RegExp][] = [
 ];
 for (const [what, text, wanted] of HOSTILE) test(`${what} is a message`, () => {
   assert.throws(() => readUff(text), (error) => error instanceof UffError && wanted.test(error.message), (() => { try { readUff(text); return "read"; } catch (e) { return String(e); } })());
+});
+
+test("a long FRF is read in time that grows with its length", () => {
+  const of = (lines: number) => { const text = frf({ lines, data: "  1.0 2.0 3.0 4.0\n".repeat(lines / 2) }), start = performance.now(); assert.equal(readUff(text).functions[0].real.length, lines); return performance.now() - start; };
+  of(2000);
+  assert.ok(of(160_000) < 5000, "a quadratic reader takes minutes");
 });
 
 test("any damage is a message or a test, never another error", () => {

@@ -96,9 +96,11 @@ def _told(record: TimeSeries, spans: Sequence[tuple[int, int]], used: Sequence[i
     listed = _places(record, [spans[i] for i in used], rate)
     others = [spans[i] for i in range(len(spans)) if i not in used]
     seconds = sum(b - a for a, b in others) / rate
-    left = f"; {len(others)} shorter parts ({seconds:.4g} s) are left out" if others else ""
+    left = f"; {seconds:.4g} s are left out" if others else ""
     kept = sum(spans[i][1] - spans[i][0] for i in used) / rate
-    return Notice("identify.gaps", level="info", parts=len(used), seconds=kept, listed=listed, left=left)
+    return Notice(
+        "identify.gaps", level="info", count=len(spans), parts=len(used), seconds=kept, listed=listed, left=left
+    )
 
 
 def _places(record: TimeSeries, spans: Sequence[tuple[int, int]], rate: float) -> str:

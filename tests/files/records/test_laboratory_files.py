@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -435,7 +436,7 @@ def test_labview_text_with_a_plain_table(tmp_path: Path) -> None:
     check(read_record(path), [FORCE, ONE])
 
 
-def test_tdms(tmp_path: Path) -> None:
+def test_tdms(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "a.tdms"
     write_tdms(path, **{"Hammer": (FORCE, even("N")), "Acc 2Z+": (ONE, even("g")), "note": (np.array(["a", "b"]), {})})
     found = read_record(path)
@@ -446,6 +447,8 @@ def test_tdms(tmp_path: Path) -> None:
         path.write_bytes(whole[:cut])
         with pytest.raises(FemtuneError):
             read_record(path)
+    # the library's log is ours: nothing is shown
+    assert capfd.readouterr() == ("", "")
 
 
 def test_times_in_tdms(tmp_path: Path) -> None:
@@ -466,16 +469,23 @@ def test_clocks_in_tdms(tmp_path: Path) -> None:
 
 
 def test_a_size_in_tdms_is_not_trusted(tmp_path: Path) -> None:
-    """A count of 2^50 values in a file of some hundred bytes."""
+    """A count of 2^50 values, or a text of 4 GB, in a file of some hundred bytes."""
     path = tmp_path / "a.tdms"
     write_tdms(path, acc=(ONE, even("g")))
     whole = path.read_bytes()
     count = np.uint64(64).tobytes()
     assert whole.count(count) == 1
-    path.write_bytes(whole.replace(count, np.uint64(2**50).tobytes()))
-    with pytest.raises(FemtuneError) as caught:
-        read_record(path)
-    assert caught.value.code.startswith("record.")
+    # a count of values, and the length of a text
+    long_text = whole.replace(b"\x0c\x00\x00\x00wf_increment", b"\xf0\xff\xff\xffwf_increment")
+    assert long_text != whole
+    for content in (whole.replace(count, np.uint64(2**50).tobytes()), long_text):
+        path.write_bytes(content)
+        tracemalloc.start()
+        with pytest.raises(FemtuneError) as caught:
+            read_record(path)
+        assert tracemalloc.get_traced_memory()[1] < 1e8
+        tracemalloc.stop()
+        assert caught.value.code.startswith("record.")
 
 
 def test_tdms_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

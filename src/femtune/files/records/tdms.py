@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -42,13 +42,14 @@ def read_tdms(path: Path) -> list[ClockGroup]:
     nptdms = require("nptdms", extra="tdms")
     try:
         # a stream of our own: an index beside the file is not used, which may be that of another one
-        with path.open("rb") as stream, _complaints() as complaints, nptdms.TdmsFile.open(stream) as file:
+        size = path.stat().st_size
+        with path.open("rb") as raw, _complaints() as complaints, nptdms.TdmsFile.open(_Bounded(raw, size)) as file:
             groups = [(str(group.name), list(group.channels())) for group in file.groups()]
             check_columns(sum(len(channels) for _, channels in groups), path)
             check_size(path, _LARGEST_BYTES * sum(len(one) for _, channels in groups for one in channels))
             made = [one for name, channels in groups for one in _groups_of(path, name, channels)]
-    except (MemoryError, KeyboardInterrupt):
-        raise
+    except MemoryError as bad:
+        raise problem(path, "record.file/tdms", problem="it states more values than it has") from bad
     # the library raises whatever its own code stumbles over in a damaged file
     except Exception as bad:
         if getattr(bad, "code", "").startswith("record."):
@@ -60,18 +61,41 @@ def read_tdms(path: Path) -> list[ClockGroup]:
     return made
 
 
+class _Bounded:
+    """A stream whose readers get no more memory than it has bytes: the library asks for what the file states."""
+
+    def __init__(self, stream: IO[bytes], size: int) -> None:
+        self._stream, self._size = stream, size
+        self.seek, self.tell = stream.seek, stream.tell
+
+    def read(self, count: int = -1) -> bytes:
+        left = max(self._size - self.tell(), 0)
+        return self._stream.read(left if count < 0 else min(count, left))
+
+    def readinto(self, buffer: Any) -> int:
+        return int(self._stream.readinto(buffer))  # type: ignore[attr-defined]
+
+    def close(self) -> None:
+        self._stream.close()
+
+
 @contextmanager
 def _complaints() -> Iterator[list[str]]:
-    """What the library reports to its log, which is not shown."""
+    """What the library reports to its logs, which is not shown."""
     said: list[str] = []
-    log = logging.getLogger("nptdms")
-    listener, handlers, passes = logging.Handler(logging.WARNING), log.handlers[:], log.propagate
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("nptdms.")]
+    top, logs = logging.getLogger("nptdms"), [logging.getLogger(name) for name in names]
+    before = [(log, log.handlers[:], log.propagate) for log in (top, *logs)]
+    listener = logging.Handler(logging.WARNING)
     listener.emit = lambda record: said.append(record.getMessage())  # type: ignore[method-assign]
-    log.handlers, log.propagate = [listener], False
+    for log in logs:
+        log.handlers, log.propagate = [], True
+    top.handlers, top.propagate = [listener], False
     try:
         yield said
     finally:
-        log.handlers, log.propagate = handlers, passes
+        for log, handlers, passes in before:
+            log.handlers, log.propagate = handlers, passes
 
 
 @dataclass(frozen=True, eq=False)
