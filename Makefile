@@ -81,6 +81,7 @@ internals: $(VENV)/.stamp-docs  ## build the documentation with the reference of
 pictures: $(VENV)/.stamp-test  ## draw the pictures of the landing page and the tutorial again
 	@$(ONE_THREAD) $(BIN)/python docs/_ext/pictures.py
 	@$(ONE_THREAD) $(BIN)/python docs/_ext/page_pictures.py
+	@$(ONE_THREAD) $(BIN)/python docs/_ext/guide_pictures.py
 
 evidence: $(VENV)/.stamp-test  ## run the full examples, which write the tables of the documentation
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --evidence docs/evidence; done

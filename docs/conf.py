@@ -11,6 +11,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
+import guide_pictures
 import page_pictures
 import pictures
 from card_table import write_card_table
@@ -103,5 +104,5 @@ write_error_pages(
 )
 write_format_tables(_DOCS)
 write_card_table(_DOCS)
-if not (pictures.are_current() and page_pictures.are_current()):
+if not (pictures.are_current() and page_pictures.are_current() and guide_pictures.are_current()):
     logging.getLogger(__name__).warning("docs/_static/pictures were made by other code: run make pictures")

@@ -218,11 +218,13 @@ def make() -> None:
         for name, result in (("before", before), ("after", after)):
             _save(ft.plot.mac(result), f"plate_mac_{name}.svg")
         _save(ft.plot.parameters(after), "plate_parameters.svg")
-        modes = ft.modes("true.bdf", count=9)
+        # of the model that the run has written, as all else on the landing page
+        modes = ft.modes("run/updated.bdf", count=9)
         (shapes,) = modes.mode_sets.values()
         corners, motion = _plate(shapes, mode=7)
         drawn = moving_shape(corners, motion, f"Mode shape of the plate at {shapes.freq_hz[7]:.0f} Hz")
         (_PICTURES / "plate_moving.svg").write_text(drawn, encoding="utf-8")
+        _screenshot(Path("run/report.html"), _PICTURES / "report.png")
         _make_guide()
     _HASH.write_text(made_from() + "\n", encoding="utf-8")
 
@@ -250,7 +252,6 @@ def _make_guide() -> None:
         _run(command)
     for page, (report, alt) in _GUIDE.items():
         (_PICTURES / f"guide_{page}.svg").write_bytes(_picture(Path(report).read_text(encoding="utf-8"), alt))
-    _screenshot(Path("modes/report.html"), _PICTURES / "report.png")
 
 
 def _screenshot(page: Path, picture: Path) -> None:

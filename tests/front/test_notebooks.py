@@ -70,9 +70,20 @@ def _of_the_population(names: dict[str, Any], folder: Path) -> None:
     assert names["found"].record.population is not None
 
 
+def _of_the_own_model(names: dict[str, Any], folder: Path) -> None:
+    """The true stiffnesses within four standard deviations."""
+    rows = names["found"].parameters
+    assert [row.name for row in rows] == list(names["true"])
+    for row in rows:
+        assert abs(row.value - names["true"][row.name]) < 4.0 * row.sd
+        assert row.sd < 0.03 * row.value
+    assert (folder / "chain" / "results.json").is_file()
+
+
 _CHECKS: dict[str, Callable[[dict[str, Any], Path], None]] = {
     "from_deck_to_result": _of_the_deck,
     "frf_calibration": _of_the_frfs,
+    "own_model": _of_the_own_model,
     "posterior": _of_the_valley,
     "population": _of_the_population,
 }

@@ -46,7 +46,11 @@ def test_a_run_with_a_posterior(bench: Bench) -> None:
     file = run.folder / POSTERIOR_FILE
     lines = file.read_bytes().splitlines(keepends=True)
     file.write_bytes(b"".join(lines[: len(lines) // 2]))
-    again = ft.posterior(study)
+    signed = run.folder / "posterior.html"
+    again = ft.posterior(study, report=signed)
+    assert again.report == signed
+    text = signed.read_text(encoding="utf-8")
+    assert all(words in text for words in ("Basis of the report", "Approval", "Posterior distribution"))
     other = again.results.posterior
     assert other is not None
     assert 0 < other.recalled < found.draws

@@ -12,7 +12,7 @@ from tests.messages.shown import check_shown
 import femtune as ft
 from femtune.errors import FemtuneError
 
-from .cantilever import Bench
+from .cantilever import EI, TRUE, Bench
 
 
 @pytest.fixture(autouse=True)
@@ -78,3 +78,42 @@ def test_what_cannot_be_shown(
         ft.view("beam.bdf", **asked)
     check_shown(name, caught.value)
     assert not Path("mode.png").exists()
+
+
+@pytest.mark.slow
+def test_modes_at_samples_of_the_posterior(bench: Bench) -> None:
+    """The picture has the modes at the samples, in the order of those of the first; other samples, another picture."""
+    bench.write("beam.bdf", bench.text)
+    bench.uff(bench.measure(bench.truth(TRUE)))
+    plain = f"{EI}\n[residuals]\nfrequency_sd = 0.02\n"
+    study = bench.study(plain)
+    with pytest.raises(FemtuneError) as caught:
+        ft.view(study, draws=3, picture=bench.folder / "none.png")
+    assert caught.value.code == "run.missing"
+    ft.update(study)
+    with pytest.raises(FemtuneError) as caught:
+        ft.view(study, draws=3, picture=bench.folder / "none.png")
+    check_shown("view.draws", caught.value)
+    study = bench.study(f'{plain}[posterior]\nnoise = "stated"\ndraws = 100\nstarts = 0\n')
+    ft.posterior(study)
+    with pytest.raises(FemtuneError) as caught:
+        ft.view(study, draws=0, picture=bench.folder / "none.png")
+    check_shown("view.draws, number", caught.value)
+    drawn = {}
+    for draws in (1, 3):
+        file = bench.folder / f"draws_{draws}.png"
+        command = [sys.executable, "-m", "femtune", "view", str(study), "--mode", "1", "--draws", str(draws)]
+        done = subprocess.run(
+            [*command, "--picture", str(file)], capture_output=True, text=True, check=False, timeout=200
+        )
+        if done.returncode < 0:
+            pytest.skip("VTK cannot draw on this machine")
+        assert (done.returncode, done.stdout.splitlines()[-1]) == (0, f"picture: {file}")
+        drawn[draws] = file.read_bytes()
+    assert drawn[1] != drawn[3]
+
+
+def test_a_deck_has_no_samples(beam: Bench) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        ft.view(beam.folder / "beam.bdf", draws=3, picture=beam.folder / "none.png")
+    check_shown("view.draws, deck", caught.value)

@@ -175,9 +175,10 @@ async function telephone(path, act) {
   const opened = await open(path, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true }, own);
   const session = await opened.page.context().newCDPSession(opened.page);
   const touch = (type, ...points) => session.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
-  await act({ ...opened, touch });
-  await opened.close();
-  await own.close();
+  try {
+    await act({ ...opened, touch });
+    await opened.close();
+  } finally { await own.close(); }
 }
 
 for (const path of pages) {
@@ -240,10 +241,10 @@ test("pointer, wheel, phase, scale, windows, colours and arrows change the pictu
     await page.mouse.up();
   });
   await changes("zoom", async () => { await canvas(page).focus(); await page.mouse.move(box.x + 100, box.y + 100); await page.mouse.wheel(0, -300); });
-  await changes("reset", () => page.getByRole("button", { name: "reset" }).click());
+  await changes("reset", () => page.locator(".viewer").getByRole("button", { name: "reset" }).click());
   await changes("phase", () => set("Phase", 180));
   await changes("scale", () => set("Scale", 2));
-  await changes("view", () => page.getByRole("button", { name: "View along z" }).click());
+  await changes("view", () => page.locator(".viewer").getByRole("button", { name: "View along z" }).click());
   await changes("overlaid", () => page.getByLabel("Windows").selectOption("overlaid"));
   await changes("arrows", () => page.getByLabel("Arrows").uncheck());
   await changes("difference", () => page.getByRole("combobox", { name: /^Colour/ }).selectOption("difference to the test"));
@@ -484,12 +485,12 @@ test("without scripts and without WebGL the still pictures are there", async () 
 
 for (const path of pages) {
   // both schemes and both widths of the first page, of others the one where most can go wrong
-  const looked = path === pages[0] ? [["light", 1280], ["dark", 800]] : [["dark", 800]];
+  const looked = path === pages[0] ? [["light", 1280], ["dark", 800], ["light", 390]] : [["dark", 800]];
   for (const [scheme, width] of looked) {
     test(`${named(path)}, ${scheme}, ${width} pixels: no serious finding of axe-core, no line wider than the window`, async () => {
       const { page, close } = await open(path, { colorScheme: scheme, viewport: { width, height: 900 } });
       const wide = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
-      for (const place of ["header", ".viewer", ".live .iterations", "svg.plot", "#parameters"]) {
+      for (const place of ["header", ".viewer", ".live .iterations", ".chooser .by-part", ".stabilisation", "svg.plot", "#parameters"]) {
         const part = page.locator(place).first();
         if (!(await part.count())) continue;
         await part.evaluate((e) => e.scrollIntoView({ block: "start", behavior: "instant" }));

@@ -127,7 +127,7 @@ def _curve(frfs: FrfSet) -> Curve:
     size = np.sqrt((np.abs(frfs.values) ** 2).sum(axis=(0, 1)))
     largest = 20.0 * np.log10(max(float(size.max()), 1e-300))
     level = 20.0 * np.log10(np.maximum(size, 1e-300)) - largest
-    singular = singular_levels(np.nan_to_num(frfs.values).transpose(2, 0, 1)) - largest
+    singular = singular_levels(frfs.values.transpose(2, 0, 1)) - largest
     return Curve(frfs.freq_hz, level, "all functions together", singular)
 
 

@@ -43,9 +43,16 @@ MOST_SINGULAR = 4
 """Singular values behind the diagram: as many close modes as can be told apart there by eye."""
 
 
+MOST_ROWS = 40
+"""Rows or columns, whichever are fewer, up to which singular values are computed at each line."""
+
+
 def singular_levels(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """(s, lines) largest singular values of matrices (lines, n, m), in dB."""
-    wide = values if values.shape[1] <= values.shape[2] else values.conj().transpose(0, 2, 1)
+    """(s, lines) largest singular values of matrices (lines, n, m), in dB; none of large ones, which take long."""
+    known = np.nan_to_num(values)
+    wide = known if known.shape[1] <= known.shape[2] else known.conj().transpose(0, 2, 1)
+    if wide.shape[1] > MOST_ROWS:
+        return np.zeros((0, len(values)))
     squares = np.linalg.eigvalsh(wide @ wide.conj().transpose(0, 2, 1))[:, ::-1][:, :MOST_SINGULAR]
     return np.asarray(10.0 * np.log10(np.maximum(squares, 1e-300))).T
 

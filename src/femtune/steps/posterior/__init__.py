@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import click
+
 from femtune.steps.step import (
     EIGENSOLVER,
+    FILE,
     FRESH,
     JOBS,
     JSON,
@@ -39,6 +42,12 @@ STEP = Step(
         params=(
             STUDY,
             OUTPUT,
+            click.Option(
+                ["--report", "page"],
+                type=FILE,
+                metavar="PAGE",
+                help="Write an HTML page with a first page to sign.",
+            ),
             EIGENSOLVER,
             FRESH,
             JOBS,

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femtune.arguments import checked
+from femtune.steps.report.function import checked_page
+from femtune.steps.report.function import report as page_of
 from femtune.steps.run.result import RunResult
 from femtune.steps.run_study import _run
 from femtune.study.described import StudySource, Test, source_of
@@ -25,6 +28,7 @@ def posterior(
     parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
     residuals: Sequence[Any] | Mapping[str, Any] | None = None,
     output: Path | str | None = None,
+    report: Path | str | None = None,
     fresh: bool = False,
     jobs: int | None = None,
     progress: Progress = silent,
@@ -40,6 +44,7 @@ def posterior(
     ----------
     source, test, parameters, residuals, output, fresh, jobs, progress, tables : as for `update`; without a table
         ``posterior`` the study gets one with its default values
+    report : HTML page to write, with a first page to sign: a single self-contained file
 
     Raises
     ------
@@ -61,4 +66,6 @@ def posterior(
     [('root', True), ('tip', True)]
     """
     study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
-    return _run(study, "posterior", output, None, fresh, progress, jobs)
+    page = checked_page(report)
+    found = _run(study, "posterior", output, None, fresh, progress, jobs)
+    return found if page is None else replace(found, report=page_of(found, page, progress=progress))

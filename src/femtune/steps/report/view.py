@@ -197,14 +197,19 @@ def _structure_parts(source: ReportSource, kept: ModeShapes, geometry: _Geometry
         return {}
     lines, faces = of_lines[geometry.lines], of_faces[geometry.face_rows]
     numbers, which = np.unique(np.concatenate([lines, faces]), return_inverse=True)
-    spans = [np.array(f.elements) for f in fields]
-    has = np.array([((numbers[:, None] >= s[:, 0]) & (numbers[:, None] <= s[:, 1])).any(axis=1) for s in spans])
+    has = np.array([_within(numbers, np.array(f.elements)) for f in fields])
     parts, part = np.unique(has.T, axis=0, return_inverse=True)
     of = part.ravel()[which.ravel()]
     return {
         "line_parts": whole(of[: len(lines)]), "face_parts": whole(of[len(lines) :]),
         "part_fields": tuple(tuple(f.field for f, there in zip(fields, one) if there) for one in parts),
     }  # fmt: skip
+
+
+def _within(numbers: NDArray[np.int64], spans: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which numbers are in one of some spans (s, 2) in ascending order."""
+    at = np.searchsorted(spans[:, 0], numbers, side="right") - 1
+    return np.asarray((at >= 0) & (numbers <= spans[at, 1]))
 
 
 def _live_shapes(source: ReportSource, name: str, geometry: _Geometry, points: int) -> LiveShapesView | None:

@@ -39,6 +39,12 @@ STEP = Step(
                 ["--max-hz"], type=float, metavar="HZ", help="All modes up to this frequency, instead of --count."
             ),
             click.Option(["--picture"], type=FILE, metavar="FILE", help="Write a picture (.png) and open no window."),
+            click.Option(
+                ["--draws"],
+                type=int,
+                metavar="N",
+                help="Modes at N samples of the posterior in the study's run folder.",
+            ),
             EIGENSOLVER,
             FRESH,
         ),
