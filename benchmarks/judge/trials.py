@@ -156,7 +156,7 @@ def _study(structure: Structure, stated: Deviations, name: str) -> Iterator[str]
     count = structure.rigid + structure.modes + FURTHER_MODES
     yield from ("[study]", f'title = "{structure.name}"', 'deck = "model.bdf"', f'units = "{UNITS}"', "")
     yield from ("[modes]", f"count = {count}", "", "[test]", 'file = "test.uff"', "")
-    yield from ("[output]", f'folder = "{name}"', "")
+    yield from ("[output]", f'folder = "{name}"', "live = false", "")
     # the structure has the mesh of the model
     yield from ("[checks]", "refinement = false", "")
     for field in structure.parameters:

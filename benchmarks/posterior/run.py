@@ -24,10 +24,11 @@ import numpy as np
 from decks import AEROPLANE, FRAME, PLATE, WELDED, Structure, kind_of
 from rates import Rate, rate
 from series import Row, run_series
-from trials import STATED, Fault, Trial, trial, write_data, write_study
+from trials import FURTHER_MODES, STATED, UNITS, Fault, Trial, trial, write_data, write_study
 
 import femtune as ft
 from femtune.errors import FemtuneError
+from femtune.steps.posterior.record import PosteriorResults
 
 STRUCTURES = (FRAME, PLATE, WELDED, AEROPLANE)
 CASES = {
@@ -46,6 +47,7 @@ MASS_ERROR, STIFFNESS_ERROR = 0.05, 0.10
 SMALLEST_LEFT_OUT, LARGEST_LEFT_OUT = 0.10, 0.40
 ASKED = {"noise": "stated", "draws": 300, "starts": 0}
 WAYS = ("posterior", "errors of the data alone", "update")
+WAYS_OF_PREDICTION = ("posterior", "errors of the data alone")
 
 
 def wrong_values(case: str, structure: Structure, rng: np.random.Generator) -> dict[str, float]:
@@ -92,11 +94,13 @@ def measured(case: str, number: int, seed: int) -> Row:
             results = ft.posterior(study, posterior=ASKED, update={"look_further": False}).results
         except FemtuneError as error:
             return row | {"refused": error.code}
-    found = results.posterior
-    if found is None:
-        return row | {"refused": "; ".join(a.code for a in results.alerts)}
+        seconds = time.process_time() - begun
+        found = results.posterior
+        if found is None:
+            return row | {"refused": "; ".join(a.code for a in results.alerts)}
+        row["predicted"] = predicted(one, study, found)
     row |= {
-        "seconds": round(time.process_time() - begun, 1),
+        "seconds": round(seconds, 1),
         "effective": round(found.effective),
         "hits": {w: [] for w in WAYS},
     }
@@ -108,6 +112,21 @@ def measured(case: str, number: int, seed: int) -> Row:
     row["apart"] = [c.what for c in found.model_errors if c.count == 1]
     row["wider"] = [round(p.sd / (p.of_data_sd or p.sd), 3) for p in found.parameters]
     return row
+
+
+def predicted(one: Trial, study: Path, found: PosteriorResults) -> dict[str, dict[str, list[bool]]]:
+    """Whether intervals of predicted frequencies have the true ones: of modes in the test, and of five more."""
+    count = one.structure.rigid + one.structure.modes + FURTHER_MODES
+    true = np.ravel(ft.modes(study.parent / "true.bdf", units=UNITS, count=count).freq_hz)
+    alone = ft.posterior(study, posterior=ASKED | {"discrepancy": "none"}, update={"look_further": False})
+    out: dict[str, dict[str, list[bool]]] = {}
+    for way, record in zip(WAYS_OF_PREDICTION, (found, alone.results.posterior)):
+        out[way] = {"used": [], "not used": []}
+        for f in () if record is None else record.frequencies:
+            if f.mode <= len(true):
+                low, high = f.interval_95
+                out[way]["used" if f.used else "not used"].append(bool(low <= true[f.mode - 1] <= high))
+    return out
 
 
 def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
@@ -133,6 +152,7 @@ def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
         cells = [_cell(rate(h for r in mine for h in r["hits"][way])) for way in WAYS]
         width += f" (aim {WIDEST})" if case == "right" else ""
         yield f"| {title} | {len(mine)} | {aim} | {' | '.join(cells)} | {width} |"
+    yield from _predictions(done)
     yield ""
     seconds = [r["seconds"] for r in done]
     if seconds:
@@ -142,6 +162,25 @@ def page(rows: Sequence[Row], seed: int) -> Iterator[str]:
     if refused:
         codes = ", ".join(sorted({r["refused"] for r in refused}))
         yield f"{len(refused)} tests have no posterior: {codes}."
+
+
+def _predictions(done: Sequence[Row]) -> Iterator[str]:
+    """Lines of the table of frequencies."""
+    yield ""
+    yield "Natural frequencies of the structure in the 95 % intervals that are predicted for them: of the modes in the"
+    yield "test, and of up to five above them, which nothing measured. The true one is that with the same number."
+    yield ""
+    heads = [f"{kind}: {way}" for kind in ("modes in the test", "modes not measured") for way in WAYS_OF_PREDICTION]
+    yield f"| model | {' | '.join(heads)} |"
+    yield "| --- | ---: | ---: | ---: | ---: |"
+    for case, title in CASES.items():
+        mine = [r["predicted"] for r in done if r["case"] == case]
+        cells = [
+            _cell(rate(hit for r in mine for hit in r[way][kind]))
+            for kind in ("used", "not used")
+            for way in WAYS_OF_PREDICTION
+        ]
+        yield f"| {title} | {' | '.join(cells)} |"
 
 
 def _cell(found: Rate) -> str:

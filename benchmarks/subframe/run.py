@@ -22,7 +22,7 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,6 +43,8 @@ from femtune.model import ModelPoint, constant_damping, solve_modes
 from femtune.model.reduce import Trained
 from femtune.model.response import survey_functions
 from femtune.model.solvers.factorise import factorise
+from femtune.sampling import Known, PosteriorSamples, SamplingRules
+from femtune.steps.posterior.problem import likelihood_of, sampler_of, solving_of
 from femtune.uncertainty import Bootstrap, BootstrapRules, BootstrapRun, bootstrap_of, bootstrap_result
 from femtune.updating import (
     ReducedUpdate,
@@ -55,7 +57,7 @@ from femtune.updating import (
 from structures.subframe_campaign import FREE, LEVEL, Laboratory, calibration
 
 MODES, SD, LIGHT = 50, 0.05, 0.01
-RUNS, CHECKED = 1000, 20
+RUNS, CHECKED, DRAWS = 1000, 20, 1000
 
 
 @dataclass
@@ -137,6 +139,8 @@ def measure(n_dofs: int, ratio: float, tolerance: float) -> dict[str, object]:
         work = bootstrap_at(update)
         runs = [work(i) for i in range(RUNS)]
         spread = bootstrap_result(work, runs, ())
+    with clock.part("posterior"):
+        sampled = samples_at(update)
     finer, shared = replace(work.rules, tolerance=1e-4), replace(work.rules, jacobian="shared")
     error = np.abs(update.result.x - truth)
     measured = {
@@ -151,6 +155,11 @@ def measure(n_dofs: int, ratio: float, tolerance: float) -> dict[str, object]:
             "runs": RUNS, "converged": len(spread.samples), "solutions": sum(r.solutions for r in spread.runs),
             "difference": largest_difference(work, runs, finer), "shared": largest_difference(work, runs, shared),
             "sentences": list(spread.sentences),
+        }, "peak with posterior": _peak(), "posterior": {
+            "draws": DRAWS, "effective": sampled.weights.effective, "k_hat": sampled.weights.k_hat,
+            "route": sampled.route, "gradients": sampled.gradients, "plain": sampled.plain,
+            "sd over that of the bootstrap": (spread_of(sampled) / spread.samples.std(axis=0, ddof=1)).tolist(),
+            "off": (np.abs(truth - sampled.weights.values @ sampled.x) / spread_of(sampled)).tolist(),
         },
     }  # fmt: skip
     # the matrices are those of the same model; what was found needs its memory no more
@@ -178,6 +187,26 @@ def bootstrap_at(update: ReducedUpdate) -> Bootstrap:
     misfit = float(np.sqrt(r @ r / (len(r) - len(result.active))))
     rules = BootstrapRules("lines", RUNS, jacobian="own", checked=0)
     return bootstrap_of(problem, problem.start(result.x), result.side, result.active, rules, misfit)
+
+
+def samples_at(update: ReducedUpdate) -> PosteriorSamples:
+    """The posterior with errors of the data as stated, on the reduced model at the certified end."""
+    search = update.search
+    assert search is not None
+    solving = solving_of(search.reduced_problem(), update.result, reduced=True)
+
+    def model(points: Sequence[Reals], derivatives: bool) -> list[Known | None]:
+        solved = [solving((np.array(x), derivatives)) for x in points]
+        return [None if s.problem else Known(x, s.residuals, s.jacobian) for x, s in zip(points, solved)]
+
+    likelihood = likelihood_of(solving, update.result, "stated")
+    return sampler_of(solving, likelihood, SamplingRules(DRAWS), model).run()
+
+
+def spread_of(sampled: PosteriorSamples) -> Reals:
+    """Standard deviations of the parameters."""
+    w = sampled.weights.values
+    return np.sqrt(w @ (sampled.x - w @ sampled.x) ** 2)
 
 
 def largest_difference(work: Bootstrap, runs: list[BootstrapRun], rules: BootstrapRules) -> float:
@@ -306,6 +335,20 @@ def _row(one: dict, i: int) -> str:
     return f"| {' | '.join(map(str, cells))} |"
 
 
+def sampling_of(one: dict) -> str:
+    """What the posterior of one size took."""
+    p, (wall, cpu) = one["posterior"], one["parts"]["posterior"]
+    ratios, off = p["sd over that of the bootstrap"], max(p["off"])
+    of = "linearised residuals" if p["route"] == "linear" else "a surrogate"
+    return (
+        f"Posterior distribution on the reduced model, after the calibration: {p['effective']:.0f} of {p['draws']} "
+        f"samples are effective (drawn from {of}, k̂ = {p['k_hat']:.2f}), in {wall:.0f} s ({cpu:.0f} s of the "
+        f"processor), with {p['gradients']} solutions with and {p['plain']} without derivatives; peak memory "
+        f"{one['peak with posterior']:.1f} GiB. Its standard deviations are {min(ratios):.2f} to {max(ratios):.2f} "
+        f"times those of the bootstrap; the true values are at most {off:.1f} of them from its mean."
+    )
+
+
 def page(sizes: list[dict], beside: list[dict], machine: dict[str, str]) -> str:
     """The page."""
     lines = [
@@ -343,6 +386,7 @@ def page(sizes: list[dict], beside: list[dict], machine: dict[str, str]) -> str:
             "",
             f"20 runs with shared derivatives, those at the optimum, differ by {one['bootstrap']['shared']:.2g} σ.",
         ]
+        lines += ["", sampling_of(one)]
         lines += ["", "What happened where searches ended:", "", *(f"- {text}" for text in one["rounds"])]
         lines += ["", "What the bootstrap says:", "", *(f"- {text}" for text in one["bootstrap"]["sentences"])]
     if beside:

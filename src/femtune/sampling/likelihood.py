@@ -62,11 +62,20 @@ class NuisanceClass:
 
 @dataclass(frozen=True, eq=False)
 class _Factors:
-    """Of residuals of c chains: the most probable factors b (c, m), their covariance (c, m, m), ½ log|I + SBᵀBS|, and
-    standard deviations s (c, m) before the data."""
+    """The factors q of residuals of c chains.
+
+    Parameters
+    ----------
+    b : (c, m) the most probable ones
+    variance : (c, m) their variances
+    seen : (c, groups) trace of their covariance times BᵀB of each group; zero where the group is not estimated
+    half_log_det : (c,) ½ log|I + SBᵀBS|
+    s : (c, m) standard deviations before the data
+    """
 
     b: Reals
-    covariance: Reals
+    variance: Reals
+    seen: Reals
     half_log_det: Reals
     s: Reals
 
@@ -144,11 +153,11 @@ class Likelihood:
                 j = self.estimated.index(g)
                 slope[:, j] = weight[:, g] * squares[:, g] - counts[g]
                 if found is not None:
-                    slope[:, j] += weight[:, g] * np.einsum("cij,ij->c", found.covariance, of_b.T @ of_b)
+                    slope[:, j] += weight[:, g] * found.seen[:, g]
         if found is None:
             return log, tuple(by_parts), slope
         log -= found.half_log_det + 0.5 * np.sum((found.b / found.s) ** 2, axis=1)
-        own = found.b**2 + np.einsum("cii->ci", found.covariance)
+        own = found.b**2 + found.variance
         for j, one in enumerate(self.classes, start=len(self.estimated)):
             inverse = np.exp(-2.0 * theta[:, j])
             slope[:, j] = inverse * own[:, one.columns].sum(axis=1) - len(one.columns)
@@ -162,23 +171,23 @@ class Likelihood:
         s = np.empty((len(theta), m))
         for j, one in enumerate(self.classes, start=len(self.estimated)):
             s[:, one.columns] = np.exp(theta[:, j, None])
-        # in units of s, so that neither a tiny s nor a large one costs digits
-        H = np.einsum("cg,gij->cij", weight, np.array([of_b.T @ of_b for of_b in B])) * s[:, :, None] * s[:, None, :]
-        H[:, np.arange(m), np.arange(m)] += 1.0
-        half_log_det = np.empty(len(theta))
-        for c, one_of in enumerate(H):
-            # LAPACK itself: the loop of NumPy over general matrices takes three times as long
-            L, failed = lapack.dpotrf(one_of, lower=1)
-            if failed:
-                # sizes so far apart that the matrix is singular in floating point: no chain goes there
-                half_log_det[c], H[c] = np.inf, np.eye(m)
-                continue
-            half_log_det[c] = np.log(L.diagonal()).sum()
-            inverse = lapack.dpotri(L, lower=1)[0]
-            H[c] = inverse + np.tril(inverse, -1).T
-        covariance = H * s[:, :, None] * s[:, None, :]
+        grams = np.array([of_b.T @ of_b for of_b in B])
         g = sum((weight[:, i, None] * (r @ of_b) for i, (r, of_b) in enumerate(zip(parts, B))), np.zeros_like(s))
-        return _Factors(np.einsum("cij,cj->ci", covariance, g), covariance, half_log_det, s)
+        out = _Factors(
+            np.zeros_like(s), np.ones_like(s), np.zeros((len(s), len(B))), np.full(len(s), np.inf), s
+        )  # fmt: skip
+        # chain by chain with LAPACK itself: the matrices stay in the cache
+        for c, s_c in enumerate(s):
+            root = _inverse_root(np.tensordot(weight[c], grams, 1), s_c)
+            if root is None:
+                # sizes so far apart that the matrix is singular in floating point: no chain goes there
+                continue
+            T, out.half_log_det[c] = root
+            out.b[c] = (T @ g[c]) @ T
+            out.variance[c] = np.einsum("ij,ij->j", T, T)
+            for i in self.estimated:
+                out.seen[c, i] = np.einsum("ij,ij->", T @ grams[i], T)
+        return out
 
     def factors(self, r: Reals, theta: Reals) -> Reals:
         """(c, m) most probable nuisance factors of residuals r (c, n) with θ (c, t)."""
@@ -191,13 +200,10 @@ class Likelihood:
 
     def drawn_factors(self, r: Reals, theta: Reals, rng: np.random.Generator) -> Reals:
         """(m,) nuisance factors of residuals r (n,) with θ (t,), drawn from their distribution."""
-        weight = np.ones((1, len(self.groups)))
-        weight[:, list(self.estimated)] = np.exp(-2.0 * theta[: len(self.estimated)])
-        parts = tuple(r[None, group.rows] for group in self.groups)
-        found = self._factors(parts, tuple(self.B[group.rows] for group in self.groups), weight, theta[None])
-        if found is None:
-            return np.zeros(0)
-        return np.asarray(rng.multivariate_normal(-found.b[0], found.covariance[0], method="eigh"))
+        mean = self.factors(r[None], theta[None])[0]
+        sigma, s = self.sizes(theta)
+        root = _inverse_root(self.B.T @ (self.B / sigma[:, None] ** 2), s) if len(s) else None
+        return mean if root is None else np.asarray(mean + rng.standard_normal(len(s)) @ root[0])
 
     def sizes(self, theta: Reals) -> tuple[Reals, Reals]:
         """(n,) factors on the errors of the data, and (m,) standard deviations of the nuisance factors, at θ (t,)."""
@@ -216,6 +222,20 @@ class Likelihood:
         """(c,) log likelihood of residuals (c, n) with θ (c, t)."""
         parts = tuple(r[:, group.rows] for group in self.groups)
         return self.of(parts, tuple(self.B[group.rows] for group in self.groups), theta)[0]
+
+
+def _inverse_root(gram: Reals, s: Reals) -> tuple[Reals, float] | None:
+    """T (m, m) with TᵀT = (G + diag(s⁻²))⁻¹, and ½ log|I + SGS|; None if that is not positive definite.
+
+    In units of s, so that neither a tiny s nor a large one costs digits.
+    """
+    H = gram * s[:, None] * s
+    H.flat[:: len(s) + 1] += 1.0
+    L, failed = lapack.dpotrf(H.T, lower=1, overwrite_a=1)
+    if failed:
+        return None
+    inverse = lapack.dtrtri(L, lower=1)[0]
+    return np.asarray(inverse * s), float(np.log(L.diagonal()).sum())
 
 
 def noise_groups(

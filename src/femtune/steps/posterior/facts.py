@@ -380,7 +380,7 @@ def limits_of(record: PosteriorResults) -> Iterator[Alert]:
         yield alert("warning", "posterior.prediction-missed", outside=len(outside), unused=len(unused))
     if record.predictions_failed > _MOST_FAILED * record.predictions:
         yield alert(
-            "warning", "posterior.predictions-failed", failed=record.predictions_failed, predictions=record.predictions
+            "info", "posterior.predictions-failed", failed=record.predictions_failed, predictions=record.predictions
         )
     yield from _not_in_likelihood(record)
 

@@ -54,6 +54,10 @@ if TYPE_CHECKING:
 _CHECKED_ON_FULL = 20
 """Samples at which the full model is solved beside a reduced one: the standard deviation of the difference is then
 known to a sixth."""
+_CHECKED_ON_LARGE = 4
+"""The same where a solution takes half a minute: the deviation is known to a factor of two."""
+_LARGE = 100_000
+"""Free DOFs above which it does."""
 _AS_GOOD = 2.0
 """Difference of log likelihood to the lowest of the samples' upper 95 %, up to which another optimum counts: a region
 there has a seventh of the density of the edge of the samples, and may be wider."""
@@ -241,10 +245,12 @@ def _full_error(
     moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
     solving = Solving(full, at_result(full, result), result.side, moving, shift)
     rng = np.random.default_rng(0)
-    chosen = rng.choice(len(samples.x), _CHECKED_ON_FULL, p=samples.weights.values)
+    large = any(case.configured.n_free > _LARGE for case in full.cases)
+    count = _CHECKED_ON_LARGE if large else _CHECKED_ON_FULL
+    chosen = rng.choice(len(samples.x), count, p=samples.weights.values)
     differences = []
     for number, i in enumerate(chosen):
-        progress.step("posterior: samples on the full model", number, _CHECKED_ON_FULL)
+        progress.step("posterior: samples on the full model", number, count)
         solved = solving((samples.x[i], False))
         if len(solved.residuals) == samples.residuals.shape[1]:
             both = np.vstack([solved.residuals, samples.residuals[i]])
