@@ -36,6 +36,7 @@ def check_shown(name: str, message: object) -> None:
     """
     area = name.partition(".")[0]
     assert name.partition(",")[0] in str(message).partition("\n")[0], "the message has another code than its snapshot"
+    assert f"{os.sep}test_" not in str(message), "the folder of a test is another one in each run"
     if os.environ.get("FEMTUNE_SHOWN") == "write":
         _write(area, {**shown_messages(area), name: str(message).rstrip("\n")})
     assert shown_messages(area).get(name) == str(message).rstrip("\n")

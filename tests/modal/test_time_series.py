@@ -58,7 +58,7 @@ def test_uneven_times_stay_and_have_no_rate() -> None:
     np.testing.assert_array_equal(record.select_samples(2, 5).time_s, [4.0, 9.0, 16.0])
     with pytest.raises(FemtuneError) as caught:
         _ = record.even_hz
-    check_shown("record.uneven", caught.value)
+    check_shown("record.uneven, of arrays", caught.value)
 
 
 def test_a_part_keeps_the_clock() -> None:

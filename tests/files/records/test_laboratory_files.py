@@ -405,14 +405,14 @@ def test_slower_channels_have_a_clock_of_their_own(tmp_path: Path) -> None:
     path.write_text(head + "Comment\n" + "\n".join([*slow, ""]))
     with pytest.raises(FemtuneError) as caught:
         read_record(path)
-    check_shown("record.clocks", caught.value)
+    check_shown("record.clocks", str(caught.value).replace(str(path), "a.lvm"))
     (name,) = [name.strip("'") for name, words in caught.value.values.items() if "Hammer" in str(words)]
     check(read_record(path, variable=name), [FORCE])
     heat = read_record(path, [ChannelColumn("Heat", Dof(1, "Z"))])
     check(heat, [ONE[::32]], 6.25)
     with pytest.raises(FemtuneError) as caught:
         read_record(path, variable="201 Hz")
-    check_shown("record.variable, group", caught.value)
+    check_shown("record.variable, group", str(caught.value).replace(str(path), "a.lvm"))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -607,7 +607,7 @@ def test_formulas_of_mdf_are_not_evaluated(tmp_path: Path) -> None:
     path.write_bytes(blocks_of_mdf(formula=True))
     with pytest.raises(FemtuneError) as caught:
         read_record(path)
-    check_shown("record.file, no channels", caught.value)
+    check_shown("record.file, no channels", str(caught.value).replace(str(path), "a.mf4"))
     (table,) = [group.table for group in read_mdf(path)]
     assert not table.names
     check_shown("record.left-out", table.notices[0])
@@ -642,10 +642,11 @@ def test_the_first_bytes_tell_the_format(tmp_path: Path, name: str) -> None:
 
 
 def test_mdf_of_version_3(tmp_path: Path) -> None:
-    (tmp_path / "a.mdf").write_bytes(blocks_of_mdf().replace(struct.pack("<H", 410), struct.pack("<H", 330), 1))
+    path = tmp_path / "a.mdf"
+    path.write_bytes(blocks_of_mdf().replace(struct.pack("<H", 410), struct.pack("<H", 330), 1))
     with pytest.raises(FemtuneError) as caught:
-        read_record(tmp_path / "a.mdf")
-    check_shown("record.format, mdf", caught.value)
+        read_record(path)
+    check_shown("record.format, mdf", str(caught.value).replace(str(path), "a.mdf"))
 
 
 def test_a_compressed_block_of_mdf_does_not_fill_the_memory(tmp_path: Path) -> None:
