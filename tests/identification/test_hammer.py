@@ -13,7 +13,7 @@ from femtune import identify
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice
 from femtune.identification import InputKnown, identify_frfs
-from femtune.identification.hammer import hits_of, is_impulsive
+from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, still_moving
 from femtune.modal import Channel, FrfSet, ModeSet, TimeSeries, mac, pole_of
 
 from .conftest import Known
@@ -113,6 +113,26 @@ def test_double_hits_and_overloads_are_left_out() -> None:
     check_shown("identify.hits-cut", short.notices[0])
     with pytest.raises(FemtuneError, match=r"identify\.resolution"):
         hits_of([good], longest=2000)
+
+
+def noisy(record: TimeSeries, part: float, hum: float = 0.0, seed: int = 5) -> TimeSeries:
+    """With noise of the responses and a steady tone, as parts of their size."""
+    size = np.array([[0.0], *([row.std()] for row in record.values[1:])])
+    tone = hum * np.sqrt(2.0) * np.sin(2.0 * np.pi * 16.7 * record.time_s)
+    noise = np.random.default_rng(seed).standard_normal(record.values.shape)
+    return TimeSeries(record.values + size * (part * noise + tone), CHANNELS, RATE)
+
+
+@pytest.mark.parametrize("before", [300, 60, 10])
+@pytest.mark.parametrize(("part", "hum"), [(0.1, 0.0), (0.02, 0.1), (0.3, 0.0)])
+def test_noise_is_no_response_that_has_not_decayed(before: int, part: float, hum: float) -> None:
+    hits = [before + 1500 * i for i in range(4)]
+    for seed in range(10):
+        record = noisy(measured(hits, 6000 + before, seed), part, hum, seed)
+        assert still_moving(hits_of([record]).blocks, [record]) < DECAYED
+    # the first mode falls to 25 % in 250 samples
+    record = noisy(measured([before + 250 * i for i in range(4)], 1000 + before), min(part, 0.1), hum)
+    assert still_moving(hits_of([record]).blocks, [record]) > DECAYED
 
 
 @pytest.mark.slow

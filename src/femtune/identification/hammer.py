@@ -41,6 +41,15 @@ _MEDIAN_OF_NORMAL = 0.6745
 """Median of the magnitude of Gaussian noise with a standard deviation of 1."""
 DECAYED = 0.05
 """Part of its largest value that the response may still have at the end of a block without a remark."""
+LARGE_REST = 0.5
+"""Part of its size from which what is left of the response is no noise, even where it does not fall."""
+LEAST_FALL = 1.3
+"""The ratio of `FALLS` with noise from which the response falls: steady noise has 1 with some scatter."""
+LEAST_BEFORE = 24
+"""Samples before the first hits from which the noise is known."""
+FALLS = 1.8
+"""Mean square of the eighth tenth of a block over that of the last one, of the response alone, where the noise before
+the hits is not known: that of a mode that falls by e^-3 over the block is 3.3, of one that falls by e^-1.5 it is 1.8."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,15 +120,47 @@ def samples_before(record: TimeSeries) -> int:
     return int(np.searchsorted(energy, QUIET * energy[-1]))
 
 
-def still_moving(blocks: Sequence[TimeSeries]) -> float:
-    """Median over the hits of the part of its size that the response has in the last tenth of a block."""
+def still_moving(blocks: Sequence[TimeSeries], records: Sequence[TimeSeries]) -> float:
+    """Median over the hits of the part of its size that the response has in the last tenth of a block, without noise.
+
+    The mean square of the noise is that before the first hits of the records. What is left is not above the noise
+    where the mean square at the end is less than twice as large. Where the records begin too late for that, only what
+    falls over the last tenths of the block is no noise.
+
+    Parameters
+    ----------
+    blocks : of the hits
+    records : from which they were cut
+    """
+    noise = _noise_before(records)
     parts = []
     for block in blocks:
         y = block.values[[i for i, c in enumerate(block.channels) if c.role != "input"]]
         y = y - np.median(y, axis=1, keepdims=True)
-        tail = y[:, -max(y.shape[1] // 10, 1) :]
-        parts.append(float(np.sqrt(np.mean(tail**2)) / max(float(np.sqrt(np.mean(y**2))), np.finfo(float).tiny)))
+        tenth, mean = max(y.shape[1] // 10, 1), max(float(np.mean(y**2)), np.finfo(float).tiny)
+        tail = float(np.mean(y[:, -tenth:] ** 2))
+        if noise is not None:
+            left = tail - noise if tail > 2.0 * noise else 0.0
+        else:
+            earlier = float(np.mean(y[:, -3 * tenth : -2 * tenth] ** 2))
+            if tail > LARGE_REST**2 * mean:
+                left = tail
+            else:
+                left = min((earlier - tail) / (FALLS - 1.0), tail) if earlier > LEAST_FALL * tail else 0.0
+        parts.append(float(np.sqrt(left / mean)))
     return float(np.median(parts))
+
+
+def _noise_before(records: Sequence[TimeSeries]) -> float | None:
+    """Mean square of the responses before the first hits; None where there are less than `LEAST_BEFORE` samples."""
+    pieces = []
+    for record in records:
+        begin = max(_hits(record)[0][0] - _BEFORE, 0)
+        y = record.values[[i for i, c in enumerate(record.channels) if c.role != "input"], :begin]
+        if begin > 1:
+            pieces.append((y - y.mean(axis=1, keepdims=True)) * np.sqrt(begin / (begin - 1)))
+    known = sum(piece.shape[1] for piece in pieces) >= LEAST_BEFORE
+    return float(np.mean(np.concatenate([piece.ravel() for piece in pieces]) ** 2)) if known else None
 
 
 def _force(record: TimeSeries) -> Reals:

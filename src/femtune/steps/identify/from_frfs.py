@@ -260,7 +260,7 @@ def _functions_of_hits(
     notices.append(Notice("identify.hits", level="info", count=len(blocks), seconds=block / rate, step=rate / block))
     if max(counts) == 1:
         notices.append(Notice("identify.one-hit", level="info"))
-    moving = still_moving(blocks)
+    moving = still_moving(blocks, records)
     if moving > DECAYED and table.exponential_s is None:
         notices.append(Notice("identify.hits-not-decayed", part=moving, seconds=block / rate))
     frfs = replace(_together([one.frfs for one in estimates]), source=records[0].source)
