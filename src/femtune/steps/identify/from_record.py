@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Notice
@@ -388,7 +389,7 @@ def of_first_method(
     first = several[names[0], 0]
     if not len(first.modes) and not any(c.reason.startswith("harmonic") for c in first.candidates):
         raise FemtuneError("identify.no-modes/of-first-method", method=names[0])
-    by_method = {name: _beside(first.modes, several[name, 0].modes) for name in names}
+    by_method = {name: _one_to_one(first.modes, several[name, 0].modes) for name in names}
     notices = _further(names[0], {name: several[name, 0].modes for name in names}, dropped)
     identified = Found(
         first.modes, first.collinearity, first.table, first.candidates, by_method, _NO_CURVE, notices=notices
@@ -414,12 +415,32 @@ def _further(first: str, modes: dict[str, ModeSet], dropped: tuple[float, ...]) 
     return (notice,) if notice else ()
 
 
+def _one_to_one(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
+    """(m,) as `_beside`, but a mode of the other method belongs to one of `modes` only: as many pairs as possible, and
+    among these the nearest."""
+    out = np.full(len(modes), np.nan)
+    if not len(others) or not len(modes):
+        return out
+    away = _away(modes, others)
+    # a pair that is not allowed costs more than all others together
+    cost = np.where(away <= FREQUENCY_TOLERANCE, away, len(modes) + len(others))
+    for i, j in zip(*linear_sum_assignment(cost)):
+        if away[i, j] <= FREQUENCY_TOLERANCE:
+            out[i] = others.freq_hz[j]
+    return out
+
+
+def _away(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
+    """(m, k) relative distances of frequencies, infinite where the shapes differ."""
+    same = mac(modes.shapes, others.shapes) >= LEAST_MAC
+    return np.where(same, np.abs(others.freq_hz / modes.freq_hz[:, None] - 1.0), np.inf)
+
+
 def _beside(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
     """(m,) the frequency of the other method's mode that is the same one, NaN where there is none."""
     if not len(others):
         return np.full(len(modes), np.nan)
-    same = mac(modes.shapes, others.shapes) >= LEAST_MAC
-    away = np.where(same, np.abs(others.freq_hz / modes.freq_hz[:, None] - 1.0), np.inf)
+    away = _away(modes, others)
     at = away.argmin(axis=1)
     near = away[np.arange(len(modes)), at] <= FREQUENCY_TOLERANCE
     return np.where(near, others.freq_hz[at], np.nan)

@@ -191,7 +191,8 @@ def _modes(made: IdentifyResult) -> Iterator[Block]:
         "σ is the standard deviation (– if the method gives none). The collinearity of a real shape is 1. A mode is "
         f"doubtful if its damping ratio is not between 0 and {100.0 * LARGE_DAMPING:g} % "
         f"({100.0 * LARGE_AND_KNOWN:g} % where a record with a force determines it), or not above zero by two standard "
-        "deviations, if its modal mass is negative, or if a harmonic is within its half-power bandwidth."
+        "deviations, if its modal mass is negative, if a harmonic is within its half-power bandwidth, or if a "
+        "neighbouring mode has the same shape."
     )
     yield Table("Modes", heads, tuple(rows), note)
     if record.harmonics:
