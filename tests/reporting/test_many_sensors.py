@@ -105,6 +105,25 @@ def test_a_cluster_says_which_angle_is_which(data: dict[str, Any]) -> None:
     )
 
 
+def test_a_cluster_before_the_update_alone_is_told(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+    """Its MAC is that of a subspace, also where the modes are apart after the update."""
+    first = data["correlations"][0]
+    assert first["stage"] == "before"
+    members = [p["test_label"] for p in first["pairs"] if p["cluster"] is not None]
+    assert members
+    for later in data["correlations"][1:]:
+        if later["configuration"] == first["configuration"]:
+            later["clusters"] = []
+            for pair in later["pairs"]:
+                pair["cluster"] = None
+    blocks = modes(_source(data, arrays))
+    texts = [b.text for b in blocks if isinstance(b, Paragraph)]
+    assert any(text.startswith("Before: Cluster 1: test mode") for text in texts)
+    table = next(b for b in blocks if isinstance(b, Table))
+    remarks = {r[0]: r[-1] for r in _rows(table)}
+    assert {remarks[label] for label in members} == {"close modes before, cluster 1"}
+
+
 def test_a_model_mode_names_its_partner_at_the_other_stage(data: dict[str, Any], arrays: dict[str, Any]) -> None:
     last = next(c for c in data["correlations"] if (c["configuration"], c["stage"]) == ("NC", "after as written"))
     last["unpaired_model"] = [{"model_number": 6, "model_freq_hz": 18.5}]

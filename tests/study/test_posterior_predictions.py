@@ -140,6 +140,32 @@ def modes_without_mass(deck: Path) -> np.ndarray:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("step_hz", "compared"), [(2.0, True), (2.13, False)])
+def test_measured_functions_stand_beside_their_bands(bench: Bench, step_hz: float, compared: bool) -> None:
+    """At other lines than those of the test they are drawn, but not counted."""
+    truth, asked = bench.truth(()), {"from_hz": 2.0, "to_hz": 60.0, "ratio": 0.02, "units": "m-kg-s"}
+    bench.write("beam.bdf", bench.text)
+    true = ft.respond(truth, inputs=["5Y+"], outputs=["3Y+", "5Y+"], step_hz=2.0, **asked)
+    bench.functions(true.frfs, "beam.uff")
+    response = f"[response]\nratio = 0.02\nfrom_hz = 2.0\nto_hz = 60.0\nstep_hz = {step_hz}\n"
+    residual = '[[residual]]\nkind = "frf"\nsd = 0.05\nratio = 0.02\n'
+    asked_of = ASKED.replace("[residuals]\nfrequency_sd = 0.02\n", residual)
+    run = ft.run(bench.study(ONE + asked_of + 'discrepancy = "none"\n' + response))
+    assert run.results.posterior is not None
+    (record,) = run.results.posterior.functions
+    assert record.test_freq_key is not None
+    assert record.test_values_key is not None
+    count = len(run.arrays[record.test_freq_key])
+    assert count >= len(true.frfs.freq_hz) - 1
+    np.testing.assert_allclose(run.arrays[record.test_freq_key], true.frfs.freq_hz[:count])
+    np.testing.assert_allclose(run.arrays[record.test_values_key], true.frfs.values[:, :, :count], rtol=1e-5)
+    assert (record.measured_inside_percent is not None) == compared
+    assert not compared or record.measured_inside_percent == pytest.approx(100.0)
+    page = run.report.read_text(encoding="utf-8") if run.report else ""
+    assert "95 % band of the magnitude, without errors of the model; wide and pale the test" in page
+
+
+@pytest.mark.slow
 def test_a_mode_that_was_not_used_is_named(bench: Bench) -> None:
     bench.write("beam.bdf", bench.text)
     bench.uff(measured(bench.truth(TRUE), count=6))

@@ -245,6 +245,10 @@ def test_init_writes_the_choices_into_the_study(beam: Path, tmp_path: Path) -> N
     assert [(m.mode, m.reason) for m in entry.leave_out] == [("4", "doubtful")]
     assert entry.sensors_off == ("3Z+",)
     assert [(p.name, p.lower, p.upper) for p in ft.Study(made.path).file.parameter] == [("tip", 0.5, 2.0)]
+    # what is told is what is written, and not what would have been proposed
+    told = [line.strip() for line in made.overview.split("\n") if line.strip().startswith("parameter ")]
+    assert told == ["parameter tip: PBAR 2 I1, 0.5 to 2, chosen on the page of a report"]
+    assert made.overview.split("\n")[0].endswith(", 1 parameter")
     assert [p.test_label for p in ft.correlate(made.path)[0].pairs] == ["1", "2"]
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 NOT_TESTED = "not tested"
 """What stands for the result of a comparison that was not made."""
 NONE = "–"
 """What stands for any other number that is not known."""
+
+
+_MOST_DIGITS = 9
+"""Digits that a solution has."""
 
 
 def typeset(text: str) -> str:
@@ -24,6 +29,19 @@ def value(number: float | None, none: str = NONE) -> str:
 def short(number: float | None, none: str = NONE) -> str:
     """Three significant digits."""
     return none if number is None else typeset(f"{number:.3g}")
+
+
+def interval(low: float, high: float, least: int = 3) -> tuple[str, str]:
+    """Both ends with as many significant digits as their distance needs, at least `least`.
+
+    Examples
+    --------
+    >>> interval(0.6496, 0.6504), interval(1.2, 3.4)
+    (('0.64960', '0.65040'), ('1.20', '3.40'))
+    """
+    size, width = max(abs(low), abs(high)), abs(high - low)
+    digits = max(least, min(2 + math.ceil(math.log10(size / width)), _MOST_DIGITS)) if width > 0.0 else least
+    return typeset(f"{low:#.{digits}g}".rstrip(".")), typeset(f"{high:#.{digits}g}".rstrip("."))
 
 
 def freq(number: float | None, none: str = NONE) -> str:

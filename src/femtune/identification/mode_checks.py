@@ -30,7 +30,10 @@ QUADRATURE_DEG = 70.0
 which it is reported: a channel of another quantity has 90°."""
 QUADRATURE_MODES = 2
 """Modes in which it must move; a single one may be complex."""
-_DOUBTFUL = ("identify.damping", "identify.driving-point-sign", "identify.left-cluster", "identify.harmonic")
+_DOUBTFUL = (
+    "identify.damping", "identify.driving-point-sign", "identify.left-cluster", "identify.harmonic",
+    "identify.same-shape",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,8 @@ class ModeRemark:
     def doubtful(self) -> bool:
         """True where the mode may not be one of the structure.
 
-        Its damping is impossible, large or not known, its modal mass is negative, or its fit left its cluster.
+        Its damping is impossible, large or not known, its modal mass is negative, its fit left its cluster, a
+        harmonic is at its frequency, or a neighbouring mode has the same shape.
         """
         return self.notice.code in _DOUBTFUL
 

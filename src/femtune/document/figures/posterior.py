@@ -79,13 +79,14 @@ def pairs_svg(
 
 @dataclass(frozen=True)
 class BandPanel:
-    """A band of magnitudes (3, f) over its lines, from the lowest to the highest, and measured ones (f,) if known."""
+    """A band of magnitudes (3, f) over its lines, from the lowest to the highest; measured lines and magnitudes (g,) if
+    known."""
 
     title: str
     ordinate: str
     freq_hz: Reals
     band: Reals
-    measured: Reals | None
+    measured: tuple[Reals, Reals] | None
 
 
 def bands_svg(panels: Sequence[BandPanel]) -> str:
@@ -100,7 +101,7 @@ def bands_svg(panels: Sequence[BandPanel]) -> str:
         for axes, panel in zip(axes_of, panels):
             hz = panel.freq_hz
             if panel.measured is not None:
-                axes.plot(*thinned(hz, panel.measured), **LOOKS["test"])
+                axes.plot(*thinned(*panel.measured), **LOOKS["test"])
             # the lines at which the median has its peaks; the ends of the band have theirs there or nearby
             lines, _ = thinned(hz, panel.band[1])
             some = np.isin(hz, lines)

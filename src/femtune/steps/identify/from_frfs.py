@@ -123,13 +123,20 @@ def _order(frfs: FrfSet, band_hz: tuple[float, float] | None) -> int:
 
 
 def _by_method(made: IdentifiedModes) -> dict[str, NDArray[np.float64]]:
-    """Median of each method's own poles in the cluster of every mode."""
+    """Median of each method's own poles in the cluster of every mode; two modes do not have the same one.
+
+    Of modes that have one cluster, that with the most certain frequency has its poles.
+    """
     names = np.array(made.table.method)
     clusters = [made.candidates[i] for i in made.clusters]
+    sd = np.zeros(len(made.modes)) if made.modes.freq_sd_hz is None else made.modes.freq_sd_hz
     out = {}
     for name in dict.fromkeys(made.table.method):
         members = [c.members[names[c.members] == name] for c in clusters]
-        out[name] = np.array([float(np.median(made.table.freq_hz[i])) if len(i) else float("nan") for i in members])
+        middle = np.array([float(np.median(made.table.freq_hz[i])) if len(i) else float("nan") for i in members])
+        shared = [[j for j, f in enumerate(middle) if f == own] for own in middle]
+        surest = [not same or i == min(same, key=sd.__getitem__) for i, same in enumerate(shared)]
+        out[name] = np.where(surest, middle, np.nan)
     return out
 
 

@@ -105,6 +105,7 @@ def _basis(made: IdentifyResult) -> Iterator[Block]:
     poor = record.largest_misfit_percent
     lines = (
         ("Measurement", ", ".join(dict.fromkeys(one.path for one in (*record.inputs, record.source)))),
+        ("Sampling", "; ".join(a.sentence for a in record.alerts if a.code == "record.clock")),
         ("Methods", ", ".join(record.modes[0].by_method) if record.modes else ""),
         ("Modes", f"{len(modes)}, {f'doubtful: {listed(doubtful)}' if doubtful else 'none doubtful'}"),
         ("Left out", _left_out(record)),
@@ -191,7 +192,8 @@ def _modes(made: IdentifyResult) -> Iterator[Block]:
         "σ is the standard deviation (– if the method gives none). The collinearity of a real shape is 1. A mode is "
         f"doubtful if its damping ratio is not between 0 and {100.0 * LARGE_DAMPING:g} % "
         f"({100.0 * LARGE_AND_KNOWN:g} % where a record with a force determines it), or not above zero by two standard "
-        "deviations, if its modal mass is negative, or if a harmonic is within its half-power bandwidth."
+        "deviations, if its modal mass is negative, if a harmonic is within its half-power bandwidth, or if a "
+        "neighbouring mode has the same shape."
     )
     yield Table("Modes", heads, tuple(rows), note)
     if record.harmonics:

@@ -27,7 +27,7 @@ class IdentifiedMode(Record):
     of_input: bool | None
     """True if the excitation has the same peak, None if it was not recorded."""
     doubtful: bool
-    """True if its damping or its modal mass is not that of a mode of a structure."""
+    """True if its damping or its modal mass is not that of a mode of a structure, or a neighbour has the same shape."""
     remark: str
     """Remarks on its origin, its damping, modal mass and shape, and on the methods that found it."""
 

@@ -16,6 +16,7 @@ from femtune.files.described_test import read_described_geometry
 from femtune.files.whole_file import digest_of
 from femtune.identification.gaps import cut_at_gaps
 from femtune.identification.record_checks import check_record
+from femtune.identification.same_shapes import same_shape_remarks
 from femtune.journal.owner import owner_of
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
@@ -96,7 +97,7 @@ def identify(
 
 def _found(file: IdentifyFile, progress: Progress, each: IdentifyEach) -> Found:
     if file.setup:
-        return _with_geometry(found_from_setups(file, each), file)
+        return _with_same_shapes(_with_geometry(found_from_setups(file, each), file))
     return _found_of_one(file, progress)
 
 
@@ -158,8 +159,16 @@ def _found_named(progress: Progress, file: IdentifyFile, name: str) -> Found:
         return _found_of_one(file, progress)
 
 
+def _with_same_shapes(identified: Found) -> Found:
+    """With remarks on neighbouring modes of the same shape, each pair told once; peaks of the excitation are known."""
+    remarks = tuple(r for r in same_shape_remarks(identified.modes) if identified.of_structure(r.mode))
+    notices = tuple({id(r.notice): r.notice for r in remarks}.values())
+    return replace(identified, remarks=(*identified.remarks, *remarks), notices=(*identified.notices, *notices))
+
+
 def _with_agreement(identified: Found) -> Found:
-    """With a notice of the modes that one method alone has."""
+    """With remarks on modes of the same shape, and a notice of the modes that one method alone has."""
+    identified = _with_same_shapes(identified)
     structural = [i for i in range(len(identified.modes)) if identified.of_structure(i)]
     alone = {i: name for i in structural if (name := identified.only_method(i)) is not None}
     if not alone:

@@ -19,6 +19,7 @@ from femtune.correlation.suspension import with_suspension
 from femtune.correlation.unit_factor import unit_factor
 from femtune.document.figures.sensors import TestPoint, test_points_svg
 from femtune.document.figures.shapes import Wireframe
+from femtune.document.numbers import counted
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, FemtuneErrors, Where
 from femtune.fem.checks import mass_properties
@@ -147,6 +148,8 @@ class FirstStudy(Record):
     """Highest frequency up to which modes of the model are solved; None without test modes."""
     parameters: tuple[ProposedParameter, ...]
     """The proposed parameters in the order of selection, and then the others that were compared."""
+    chosen: tuple[str, ...] = ()
+    """Parameters that the choices of a report have in place of the proposed ones, in words."""
     doubts: tuple[str, ...]
     """What should be checked before the study is run."""
     picture: str = ""
@@ -178,18 +181,20 @@ class InitResult(StepResult):
         said = [*self._sentences()[:1], f"  units: {'; '.join(record.unit_reasons)}", f"  sensors: {record.sensors}"]
         said += [f"  picture: {record.picture}"] if record.picture else []
         said += [f"  supports: {record.supports}", f"  modes: {record.agreement}"]
+        said += [f"  parameter {words}, chosen on the page of a report" for words in record.chosen]
         for p in record.parameters:
-            if p.proposed:
+            if p.proposed and not record.chosen:
                 bounds = f"{p.lower:g} to {p.upper:g}, ±{_percent(p.sd_percent)}"
                 said.append(f"  parameter {p.name}: {p.field} ({p.what}), {bounds}")
         return "\n".join([*said, *(f"check: {doubt}" for doubt in record.doubts)])
 
     def _sentences(self) -> list[str]:
         record = self.record
-        n = sum(p.proposed for p in record.parameters)
+        n = len(record.chosen) or sum(p.proposed for p in record.parameters)
         paired = "" if record.paired is None else f", {record.paired} paired"
         return [
-            f"{self.path.name}: units {record.units}, {record.test_modes} test modes{paired}, {n} parameters",
+            f"{self.path.name}: units {record.units}, {record.test_modes} test modes{paired}, "
+            f"{counted(n, 'parameter')}",
             *record.doubts,
         ]
 
@@ -806,6 +811,10 @@ class _Draft:
             agreement=self.range,
             max_hz=self.max_hz,
             parameters=tuple(map(_recorded, self.proposed)),
+            chosen=tuple(
+                f"{p.name}: {' '.join(p.field.split())}, {p.lower:g} to {p.upper:g}"
+                for p in (() if self.chosen is None else self.chosen.parameter)
+            ),
             doubts=self.doubts,
             picture=str(path.parent / PICTURE_FILE) if self.drawn else "",
         )

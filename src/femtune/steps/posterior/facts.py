@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import binom
 
-from femtune.document.numbers import counted, listed
+from femtune.document.numbers import counted, interval, listed
 from femtune.sampling import GOOD_ERROR, bends, weighted_quantiles
 from femtune.sampling.chains import MIXED
 from femtune.steps.posterior.problem import completed
@@ -246,6 +246,10 @@ def _linear_does(p: PosteriorParameter, chance: float) -> bool:
     )
 
 
+def _ends(low: float, high: float) -> str:
+    return " … ".join(interval(low, high))
+
+
 def _size(p: PosteriorParameter) -> float:
     return max(abs(a - b) for a, b in zip(p.interval_95, p.linear_interval_95)) / p.sd
 
@@ -257,8 +261,8 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
         others = [p.parameter for p in off if p is not worst]
         further = f"; further off are {listed(others)}" if others else ""
         yield (
-            f"The intervals of linearised residuals do not hold: that of {worst.parameter} would be {c:.3g} … {d:.3g}, "
-            f"and is {a:.3g} … {b:.3g}{further}."
+            f"The intervals of linearised residuals do not hold: that of {worst.parameter} would be {_ends(c, d)}, and "
+            f"is {_ends(a, b)}{further}."
         )
     else:
         yield (
@@ -313,8 +317,8 @@ def _of_model(record: PosteriorResults) -> Iterator[str]:
         )
         if ratio > _WIDER:
             yield (
-                f"Errors of the model widen the intervals: that of {most.parameter} is {a:.3g} … {b:.3g}; errors of "
-                f"the data alone would give {low:.3g} … {high:.3g}."
+                f"Errors of the model widen the intervals: that of {most.parameter} is {_ends(a, b)}; errors of the "
+                f"data alone would give {_ends(low, high)}."
             )
         else:
             yield "Errors of the model hardly widen the intervals: no standard deviation by more than 10 %."
@@ -339,7 +343,7 @@ def _unused(record: PosteriorResults) -> tuple[list[PosteriorFrequency], list[Po
 def _predicted(record: PosteriorResults) -> Iterator[str]:
     unused, outside = _unused(record)
     if unused:
-        missed = [f"{f.measured_hz:.4g} Hz ({f.interval_95[0]:.4g} … {f.interval_95[1]:.4g})" for f in outside]
+        missed = [f"{f.measured_hz:.5g} Hz ({_ends(*f.interval_95)})" for f in outside]
         names = f"; outside: {listed(missed)}" if missed else ""
         inside = len(unused) - len(outside)
         yield (

@@ -9,7 +9,7 @@ import numpy as np
 
 from femtune.document.document import Cell, Figure, Listing, Paragraph, Section, Table, columns, row
 from femtune.document.figures.posterior import BandPanel, bands_svg, marginals_svg, pairs_svg
-from femtune.document.numbers import as_sentence, counted, short, value
+from femtune.document.numbers import as_sentence, counted, interval, short, value
 from femtune.steps.report_source import warnings_of
 
 if TYPE_CHECKING:
@@ -141,9 +141,8 @@ def frequency_table(record: PosteriorResults) -> Table:
     heads = columns("Configuration", ">Mode", ">Update, Hz", ">95 % from", ">to", "Test mode", ">Measured, Hz", "")
     order = sorted(record.frequencies, key=lambda f: (f.measured_hz is None, f.used))
     note = (
-        f"The full model at {record.predictions - record.predictions_failed} samples, with errors of the model as the "
-        "data leave them. Inside: the measured frequency is in the 95 % interval of a measurement, which has errors of "
-        "the test as well."
+        f"The full model at {record.predictions - record.predictions_failed} samples, {_with_errors(record)}. Inside: "
+        "the measured frequency is in the 95 % interval of a measurement, which has errors of the test as well."
     )
     if len(order) > _MOST_PREDICTED:
         note += f" And {counted(len(order) - _MOST_PREDICTED, 'more frequency', 'more frequencies')} in the results."
@@ -154,7 +153,7 @@ def _frequency(f: PosteriorFrequency) -> tuple[Cell, ...]:
     told = "" if f.measured_inside is None else "inside" if f.measured_inside else "outside"
     use = f"{told}, {'used' if f.used else 'not used'}" if told else ""
     return row(
-        f.configuration, str(f.mode), value(f.value_hz), *map(value, f.interval_95), f.test_mode or "",
+        f.configuration, str(f.mode), value(f.value_hz), *interval(*f.interval_95, 5), f.test_mode or "",
         "" if f.measured_hz is None else value(f.measured_hz), Cell(use, tone="poor") if told == "outside" else use,
     )  # fmt: skip
 
@@ -208,27 +207,34 @@ def _pictures(source: ReportSource, record: PosteriorResults) -> list[Block]:
             "Pairs of parameters whose joint distribution is bent: samples, and in grey those of linearised residuals."
         )
         out.append(Figure(partial(pairs_svg, pairs, columns_of, chosen, linear), words, words, wide=True))
-    return [*out, *(figure for one in record.functions for figure in _bands(source, one))]
+    return [*out, *(figure for one in record.functions for figure in _bands(source, one, _with_errors(record)))]
 
 
-def _bands(source: ReportSource, record: PosteriorFunctions) -> Iterator[Figure]:
-    """The first functions with their bands."""
+def _with_errors(record: PosteriorResults) -> str:
+    return "with errors of the model as the data leave them" if record.model_errors else "without errors of the model"
+
+
+def _bands(source: ReportSource, record: PosteriorFunctions, errors: str) -> Iterator[Figure]:
+    """The first functions with their bands; `errors` says whether they contain errors of the model."""
     hz, band = source.array(record.freq_key), source.array(record.band_key)
-    test = None if record.test_values_key is None else source.array(record.test_values_key)
+    keys = (record.test_freq_key, record.test_values_key)
+    test_hz, test = (None if key is None else source.array(key) for key in keys)
     if hz is None or band is None:
         return
     places = [(i, j) for i in range(len(record.outputs)) for j in range(len(record.inputs))]
     panels = [
         BandPanel(
             f"{record.outputs[i]} / {record.inputs[j]}", record.kind, hz, band[:, i, j],
-            None if test is None or not np.isfinite(test[i, j]).any() else np.abs(test[i, j]),
+            None if test is None or test_hz is None or not np.isfinite(test[i, j]).any()
+            else (test_hz, np.abs(test[i, j])),
         )
         for i, j in places[:_MOST_BANDS]
     ]  # fmt: skip
     left = f" {counted(len(places) - len(panels), 'more function')} in the arrays." if len(places) > len(panels) else ""
+    of_test = "; wide and pale the test" if any(panel.measured is not None for panel in panels) else ""
     words = (
-        f"FRFs of {record.configuration} over the samples: median and 95 % band of the magnitude, with errors of the "
-        f"model; wide and pale the test.{left}"
+        f"FRFs of {record.configuration} over the samples: median and 95 % band of the magnitude, {errors}{of_test}."
+        f"{left}"
     )
     yield Figure(partial(bands_svg, panels), words, words, wide=True)
 

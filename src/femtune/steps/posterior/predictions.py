@@ -60,6 +60,10 @@ _LEAST_SOLVED = 0.5
 """Part of the samples at which the model must have a solution."""
 MOST_VALUES = 100_000
 """Values of the FRFs of a configuration at a sample: 80 MB for 200 samples in single precision."""
+_LEAST_COMMON = 0.5
+"""Part of the lines that the test has too, below which measured values are not counted."""
+_SAME_LINE = 1e-6
+"""Relative distance of two lines that are one but for the rounding of a file."""
 _ENDS = np.array([0.025, 0.5, 0.975])
 
 
@@ -373,25 +377,27 @@ def _band(
 ) -> PosteriorFunctions:
     """The record of |H| (n, outputs, inputs, lines) over the samples."""
     head = f"posterior/functions/{number}"
-    keys = {name: f"{head}/{name}" for name in ("hz", "band", "test")}
+    keys = {name: f"{head}/{name}" for name in ("hz", "band", "test_hz", "test")}
     band = np.quantile(sizes.astype(float), _ENDS, axis=0)
     arrays[keys["hz"]], arrays[keys["band"]] = request.freq_hz, band
-    inside = test_key = None
-    if request.measured is not None:
-        lines = np.searchsorted(request.measured.freq_hz, request.freq_hz)
-        same = np.minimum(lines, len(request.measured.freq_hz) - 1)
-        values = request.measured.values[:, :, same].copy()
-        values[:, :, request.measured.freq_hz[same] != request.freq_hz] = np.nan
-        size = np.abs(values)
-        if np.isfinite(size).any():
-            arrays[keys["test"]], test_key = values, keys["test"]
-            hit = ((size >= band[0]) & (size <= band[2]))[np.isfinite(size)]
-            inside = 100.0 * float(hit.mean())
+    inside = test = None
+    if request.measured is not None and np.isfinite(request.measured.values).any():
+        hz = request.measured.freq_hz
+        there = (hz >= request.freq_hz[0]) & (hz <= request.freq_hz[-1])
+        arrays[keys["test_hz"]], arrays[keys["test"]] = hz[there], request.measured.values[:, :, there]
+        test = (keys["test_hz"], keys["test"]) if there.any() else None
+        # lines that both have: where they are few, they say nothing of the others
+        nearest = np.abs(hz - request.freq_hz[:, None]).argmin(axis=1)
+        ours = np.flatnonzero(np.abs(hz[nearest] - request.freq_hz) <= _SAME_LINE * request.freq_hz)
+        size = np.abs(request.measured.values[:, :, nearest[ours]])
+        known = np.isfinite(size)
+        if len(ours) >= _LEAST_COMMON * len(request.freq_hz) and known.any():
+            inside = 100.0 * float(((size >= band[0][..., ours]) & (size <= band[2][..., ours]))[known].mean())
     positive = band[0] > 0.0
     width = 20.0 * np.log10(band[2][positive] / band[0][positive])
     return PosteriorFunctions(
         configuration=request.case.name, kind=request.table.kind, outputs=tuple(request.outputs.labels.labels()),
         inputs=tuple(request.inputs.labels.labels()), freq_key=keys["hz"], band_key=keys["band"],
-        test_values_key=test_key, width_db=float(np.median(width)) if width.size else 0.0,
-        measured_inside_percent=inside,
+        test_freq_key=None if test is None else test[0], test_values_key=None if test is None else test[1],
+        width_db=float(np.median(width)) if width.size else 0.0, measured_inside_percent=inside,
     )  # fmt: skip

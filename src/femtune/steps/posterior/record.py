@@ -165,12 +165,15 @@ class PosteriorFunctions(Record):
     """Key of the lines (f,), Hz."""
     band_key: str
     """Key of the 2.5 %, 50 % and 97.5 % quantiles of the magnitude (3, outputs, inputs, f)."""
+    test_freq_key: str | None = None
+    """Key of the measured lines (g,) between the first and the last one, Hz; None without a test."""
     test_values_key: str | None = None
-    """Key of the measured values (outputs, inputs, f), NaN where there are none."""
+    """Key of the measured values (outputs, inputs, g), NaN where there are none."""
     width_db: float
     """Median width of the 95 % band over all lines, dB."""
     measured_inside_percent: float | None = None
-    """Part of the measured lines in the band, in %."""
+    """Part of the measured values in the band, in %, at the lines that the test has too; None where it has less than
+    half of them."""
 
 
 class PosteriorResults(Record):
@@ -251,9 +254,9 @@ class PosteriorResults(Record):
     predictions_failed: int = 0
     """Number of these at which it could not be solved."""
     frequencies: tuple[PosteriorFrequency, ...] = ()
-    """Natural frequencies of all configurations over the samples, with errors of the model."""
+    """Natural frequencies of all configurations over the samples, with errors of the model if these are taken."""
     functions: tuple[PosteriorFunctions, ...] = ()
-    """FRFs of `[response]` over the samples, with errors of the model."""
+    """FRFs of `[response]` over the samples, with errors of the model if these are taken."""
     linear_enough: bool = True
     """True if the intervals of linearised residuals agree with those of the samples."""
     tried: tuple[str, ...] = ()

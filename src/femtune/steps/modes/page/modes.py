@@ -58,7 +58,10 @@ def modes(source: ReportSource) -> list[Block]:
 def _configuration(source: ReportSource, name: str, scale: float) -> list[Block]:
     before, after = source.before(name), source.after(name)
     assert before is not None
-    return [_table(source, name, before, after, scale), *cluster_paragraphs(after or before)]
+    if after is None:
+        return [_table(source, name, before, after, scale), *cluster_paragraphs(before)]
+    both = [*cluster_paragraphs(before, "Before: "), *cluster_paragraphs(after)]
+    return [_table(source, name, before, after, scale), *both]
 
 
 def _table(
@@ -142,15 +145,24 @@ def pair_remark(pairs: Sequence[ModePairRecord | None]) -> str:
     numbers = {p.model_number for p in paired}
     words = [
         "pair given in the study" if any(p.fixed_by_hand for p in paired) else "",
-        f"close modes, cluster {paired[-1].cluster}" if paired and paired[-1].cluster is not None else "",
+        _in_cluster(pairs),
         "pairing changed" if len(numbers) > 1 else "",
     ]
     return ", ".join(w for w in words if w)
 
 
-def cluster_paragraphs(comparison: CorrelationResults) -> list[Block]:
-    """A sentence each cluster of close modes."""
-    return [Paragraph(_cluster(c)) for c in comparison.clusters]
+def _in_cluster(pairs: Sequence[ModePairRecord | None]) -> str:
+    """Where a MAC is that of a subspace; before the update also if it is not after it."""
+    *before, last = pairs
+    if last is not None and last.cluster is not None:
+        return f"close modes, cluster {last.cluster}"
+    earlier = [p.cluster for p in before if p is not None and p.cluster is not None]
+    return f"close modes before, cluster {earlier[0]}" if earlier else ""
+
+
+def cluster_paragraphs(comparison: CorrelationResults, head: str = "") -> list[Block]:
+    """A sentence each cluster of close modes, after a head."""
+    return [Paragraph(head + _cluster(c)) for c in comparison.clusters]
 
 
 def _cluster(c: ClusterRecord) -> str:
