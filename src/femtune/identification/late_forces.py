@@ -95,7 +95,7 @@ def late_force_notices(fit: ModalFit, names: Sequence[str], step_s: float, *, co
         phases, sd = _phases(fit, columns)
         found = late_force(phases[kept], sd[kept], freq_hz, step_s, len(groups))
         if found is not None:
-            in_samples = f", {abs(found.delay_s) / step_s:.2g} samples" if counted else ""
+            in_samples = f", {abs(found.delay_s) / step_s:.2f} samples" if counted else ""
             word = "late" if found.delay_s > 0.0 else "early"
             said.append(f"{name} ({abs(found.delay_s):.3g} ± {found.sd_s:.1g} s{in_samples} {word})")
     return (Notice("identify.late-channel/force", channels=", ".join(said)),) if said else ()
