@@ -109,7 +109,7 @@ def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_win
         else:
             good.append(hit)
             if why:
-                left.append(Notice("identify.hit-left-out/kept", time_s=time_s, reason=why, count=LEAST_HITS))
+                left.append(Notice("identify.hit-overloaded", time_s=time_s, reason=why, count=LEAST_HITS))
     if not good:
         # there is nothing better, and the reader is told
         good, left = hits, [Notice("identify.hits-doubtful", reasons=", ".join(sorted({one[3] for one in hits})))]

@@ -148,7 +148,7 @@ def _curve(frfs: FrfSet) -> Curve:
     return Curve(frfs.freq_hz, level, "all functions together", singular)
 
 
-_HITS_LEFT = ("identify.hit-left-out", "identify.hits-doubtful")
+_HITS_LEFT = ("identify.hit-left-out", "identify.hit-overloaded", "identify.hits-doubtful")
 """Notices of hits that are wrong: then the whole record is wrong too."""
 _OF_BLOCKS = ("identify.hits", "identify.one-hit", "identify.hits-not-decayed")
 """Notices of the functions of blocks, which are not shown where the whole record is fitted."""
