@@ -49,7 +49,7 @@ LEAST_BEFORE = 24
 """Samples before the first hits from which the noise is known."""
 FALLS = 1.8
 """Mean square of the eighth tenth of a block over that of the last one, of the response alone, where the noise before
-the hits is not known: that of a mode that falls by e^-3 over the block is 3.3, of one that falls by e^-1.5 it is 1.8."""
+the hits is not known: that of a mode that falls by e^-3 over the block is 3.3, of one that falls by e^-1.5 1.8."""
 
 
 @dataclass(frozen=True, eq=False)

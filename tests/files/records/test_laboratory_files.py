@@ -98,10 +98,49 @@ def test_equal_degrees_of_freedom_are_numbered(tmp_path: Path) -> None:
 
 def test_a_force_by_its_heading_is_told(tmp_path: Path) -> None:
     file = asked_of(table(tmp_path, "time,force [lbf],2Z+ [g],top", T, FORCE, ONE, TWO), {"band_hz": (1.0, 50.0)})
-    ((_, (notice,)),) = read_asked(file)
+    ((_, (clock, notice)),) = read_asked(file)
     check_shown("record.headings", notice)
+    check_shown("record.clock", clock)
     quiet = asked_of(table(tmp_path, "time,a,b", T, ONE, TWO), {"band_hz": (1.0, 50.0)})
-    assert not read_asked(quiet)[0][1]
+    assert [one.code for one in read_asked(quiet)[0][1]] == ["record.clock"]
+
+
+@pytest.mark.parametrize(
+    ("headings", "level"),
+    [
+        ("time,Force,2Z+ [g],Acc 3Z+", "info"),
+        ("time,Hammer 1Z+ [N],Acc 2Z+ [m/s^2],vel 3Z+", "info"),
+        ("time,Force,a,Acc 3Z+", "warning"),
+        ("time,Force [N],strain [um/m],Acc 3Z+", "warning"),
+    ],
+)
+def test_headings_that_state_every_quantity_are_no_warning(tmp_path: Path, headings: str, level: str) -> None:
+    file = asked_of(table(tmp_path, headings, T, FORCE, ONE, TWO), {"band_hz": (1.0, 50.0)})
+    assert [(one.code, one.level) for one in read_asked(file)[0][1]][1:] == [("record.headings", level)]
+
+
+def test_the_rate_is_told_with_its_source(tmp_path: Path) -> None:
+    plain = table(tmp_path, "a,b", ONE, TWO)
+    stated = tmp_path / "stated.csv"
+    stated.write_text("Sample rate: 40 Hz\n" + plain.read_text())
+    told = read_asked(asked_of(stated, {"band_hz": (1.0, 10.0)}))[0][1][0]
+    assert (told.facts["rate"], told.facts["source"]) == (40.0, "stated in the file")
+    assert told.facts["samples"] == len(ONE)
+    assert told.facts["seconds"] == pytest.approx(len(ONE) / 40.0)
+    told = read_asked(asked_of(plain, {"band_hz": (1.0, 10.0), "sampling_hz": 64.0}))[0][1][0]
+    assert (told.facts["rate"], told.facts["source"]) == (64.0, "stated in the settings")
+
+
+def test_a_rate_in_the_header_that_the_times_contradict_is_told(tmp_path: Path) -> None:
+    plain = table(tmp_path, "time,a,b", T, ONE, TWO)
+    rate = (len(T) - 1) / float(T[-1] - T[0])
+    headed = tmp_path / "headed.csv"
+    headed.write_text(f"Sample rate: {2.0 * rate:g} Hz\n" + plain.read_text())
+    record, (notice,) = read_record_told(headed)
+    assert record.even_hz == pytest.approx(rate)
+    check_shown("record.rate, header and times", notice)
+    headed.write_text(f"Sample rate: {1.004 * rate:g} Hz\n" + plain.read_text())
+    assert read_record_told(headed)[1] == ()
 
 
 # ----------------------------------------------------------------------------------------------------

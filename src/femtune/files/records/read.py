@@ -85,6 +85,28 @@ def read_record_told(
     units: UnitSystem = SI,
 ) -> tuple[TimeSeries, tuple[Notice, ...]]:
     """As `read_record`, with what its reader tells: channels left out, times that the file does not state."""
+    read = read_record_and_clock(path, columns, sampling_hz, variable, format, units)
+    return read.record, read.notices
+
+
+@dataclass(frozen=True)
+class ReadRecord:
+    """A record, what its reader tells of the file, and where the sampling rate comes from, in words."""
+
+    record: TimeSeries
+    notices: tuple[Notice, ...]
+    rate_from: str
+
+
+def read_record_and_clock(
+    path: Path | str,
+    columns: Sequence[ChannelColumn] = (),
+    sampling_hz: float | None = None,
+    variable: str | None = None,
+    format: str | None = None,
+    units: UnitSystem = SI,
+) -> ReadRecord:
+    """As `read_record`, with what its reader tells and the source of the sampling rate."""
     path = Path(path)
     table = _read(path, format_named(path, format), variable, [c.column for c in columns])
     if not any(isinstance(c.column, int) for c in columns):
@@ -103,7 +125,14 @@ def read_record_told(
         raise problem(path, "record.rate/too-large", sampling_hz=made.sampling_hz)
     rounded = sampling_hz is None and table.sampling_hz is not None and table.rate_error > _EXACT_RATE
     of_rate = (Notice("record.rate/rounded", rate=rate, error=100.0 * table.rate_error),) if rounded else ()
-    return made, (*table.notices, *of_rate)
+    times = table.times_s is not None
+    rate_from = _BY_USER if sampling_hz is not None else _BY_TIMES if times else _BY_FILE
+    return ReadRecord(made, (*table.notices, *of_rate), rate_from)
+
+
+_BY_USER = "stated in the settings"
+_BY_TIMES = "from the column of times"
+_BY_FILE = "stated in the file"
 
 
 def _read(path: Path, format: RecordFormat, variable: str | None, columns: Sequence[int | str]) -> RecordTable:

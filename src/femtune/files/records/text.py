@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femtune.arrays import Reals
 from femtune.errors import Notice
 from femtune.files.records.headings import stated_channel, stated_rate
 from femtune.files.records.table import RecordTable, check_columns, is_time, problem, split_times
@@ -52,8 +53,28 @@ def read_text(path: Path) -> RecordTable:
         columns, names, times = split_times(columns, names, below)
         below = tuple(below[i] for i in keep) if below else ()
     channels = tuple(map(stated_channel, names, map(_known, below))) if any(map(_known, below)) else ()
-    rate = stated_rate([*lines[:first], *(str(one.facts["text"]) for one in footer)]) if times is None else None
-    return RecordTable(columns, names, rate, times, str(path), channels, notices)
+    rate = stated_rate([*lines[:first], *(str(one.facts["text"]) for one in footer)])
+    if times is None:
+        return RecordTable(columns, names, rate, None, str(path), channels, notices)
+    return RecordTable(columns, names, None, times, str(path), channels, (*notices, *_against_times(rate, times)))
+
+
+_RATE_DIFFERS = 0.01
+"""Relative difference of a rate in the header from that of the times, from which it is told."""
+
+
+def _against_times(rate: float | None, times: Reals) -> tuple[Notice, ...]:
+    """``record.rate/header-differs`` where the header states another rate than the times have.
+
+    Gaps change the mean step only, and rounded times the usual step only: the rate must differ from both.
+    """
+    steps = np.diff(times)
+    if rate is None or not len(steps) or not np.isfinite(times).all() or not (steps > 0.0).all():
+        return ()
+    usual, mean = 1.0 / float(np.median(steps)), len(steps) / float(times[-1] - times[0])
+    if min(abs(rate / one - 1.0) for one in (usual, mean)) <= _RATE_DIFFERS:
+        return ()
+    return (Notice("record.rate/header-differs", stated=rate, of_times=usual),)
 
 
 def _is_unit(text: str) -> bool:

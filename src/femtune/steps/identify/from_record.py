@@ -11,7 +11,9 @@ from scipy.optimize import linear_sum_assignment
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Notice
-from femtune.files.records import ChannelColumn, read_record_told
+from femtune.files.records import ChannelColumn
+from femtune.files.records.headings import stated_channel
+from femtune.files.records.read import read_record_and_clock
 from femtune.identification.averaging import cross_spectra, no_lost_samples
 from femtune.identification.choice import CHOSEN_BY_USER, PickedPole, change_choice, has_candidate, pick_poles
 from femtune.identification.combine import Estimate, combine
@@ -49,7 +51,7 @@ if TYPE_CHECKING:
     from femtune.identification.operational import (
         OperationalModes,
     )
-    from femtune.modal import ModeSet, TimeSeries
+    from femtune.modal import Channel, ModeSet, TimeSeries
     from femtune.study.progress import Progress
 
 DEFAULT_ORDER = 60
@@ -84,10 +86,24 @@ def read_asked(file: IdentifyFile) -> list[tuple[TimeSeries, tuple[Notice, ...]]
     columns = [_column(entry) for entry in file.channel]
     units = unit_system(table.units)
     read = [
-        read_record_told(path, columns, table.sampling_hz, table.variable, table.format, units)
+        read_record_and_clock(path, columns, table.sampling_hz, table.variable, table.format, units)
         for path in file.measured_paths
     ]
-    return [(record, (*told, *_of_headings(record, file))) for record, told in read]
+    return [
+        (one.record, (_clock_notice(one.record, one.rate_from), *one.notices, *_of_headings(one.record, file)))
+        for one in read
+    ]
+
+
+def _clock_notice(record: TimeSeries, rate_from: str) -> Notice:
+    """``record.clock``: rate, duration and number of samples; of uneven times, the rate of the usual step."""
+    rate = record.sampling_hz
+    if rate is None:
+        rate = 1.0 / float(np.median(np.diff(record.time_s)))
+    seconds = record.samples / rate if record.sampling_hz is not None else record.duration_s
+    return Notice(
+        "record.clock", level="info", rate=float(rate), source=rate_from, seconds=seconds, samples=record.samples
+    )
 
 
 def _of_headings(record: TimeSeries, file: IdentifyFile) -> Iterable[Notice]:
@@ -98,7 +114,18 @@ def _of_headings(record: TimeSeries, file: IdentifyFile) -> Iterable[Notice]:
     others = {c.quantity for c in record.channels if c.role != "input"}
     responses, quantities = ", ".join(record.dofs("response").labels()[:5]), ", ".join(sorted(others))
     names = ", ".join(f"'{c}'" for c in forces)
-    yield Notice("record.headings", forces=names, responses=responses, quantities=quantities)
+    level = "warning" if any(map(_is_assumed, record.channels)) else "info"
+    yield Notice("record.headings", level=level, forces=names, responses=responses, quantities=quantities)
+
+
+def _is_assumed(channel: Channel) -> bool:
+    """Whether the quantity of a channel is not a motion or force that its heading or its unit states."""
+    if channel.quantity not in _MOTIONS_AND_FORCE:
+        return True
+    return not channel.unit and stated_channel(channel.name).quantity != channel.quantity
+
+
+_MOTIONS_AND_FORCE = ("acceleration", "velocity", "displacement", "force")
 
 
 def _column(entry: ChannelEntry) -> ChannelColumn:

@@ -105,6 +105,7 @@ def _basis(made: IdentifyResult) -> Iterator[Block]:
     poor = record.largest_misfit_percent
     lines = (
         ("Measurement", ", ".join(dict.fromkeys(one.path for one in (*record.inputs, record.source)))),
+        ("Sampling", "; ".join(a.sentence for a in record.alerts if a.code == "record.clock")),
         ("Methods", ", ".join(record.modes[0].by_method) if record.modes else ""),
         ("Modes", f"{len(modes)}, {f'doubtful: {listed(doubtful)}' if doubtful else 'none doubtful'}"),
         ("Left out", _left_out(record)),
