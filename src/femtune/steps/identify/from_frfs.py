@@ -15,7 +15,7 @@ from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.files.described_test import read_described
 from femtune.identification.averaging import Averaging, input_output_spectra, no_lost_samples
 from femtune.identification.estimators import KIND_OF, estimate_frfs
-from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, samples_before, still_moving
+from femtune.identification.hammer import DECAYED, LEAST_HITS, hits_of, is_impulsive, samples_before, still_moving
 from femtune.identification.input_known import InputKnown, NoModesChosen, identify_frfs
 from femtune.identification.join import at_lines
 from femtune.identification.kinds import KNOWN_INPUT
@@ -148,7 +148,7 @@ def _curve(frfs: FrfSet) -> Curve:
     return Curve(frfs.freq_hz, level, "all functions together", singular)
 
 
-_HITS_LEFT = ("identify.hit-left-out", "identify.hits-doubtful")
+_HITS_LEFT = ("identify.hit-left-out", "identify.hit-overloaded", "identify.hits-doubtful")
 """Notices of hits that are wrong: then the whole record is wrong too."""
 _OF_BLOCKS = ("identify.hits", "identify.one-hit", "identify.hits-not-decayed")
 """Notices of the functions of blocks, which are not shown where the whole record is fitted."""
@@ -317,8 +317,6 @@ def _together(several: Sequence[FrfSet]) -> FrfSet:
     return replace(first, values=values, references=references, coherence=coherence)
 
 
-LEAST_HITS = 3
-"""Hits from which their scatter gives the noise of the functions."""
 LEAST_FREEDOM = 30
 """Degrees of freedom of a variance of the noise, over hits and neighbouring lines."""
 
