@@ -115,6 +115,58 @@ def test_double_hits_and_overloads_are_left_out() -> None:
         hits_of([good], longest=2000)
 
 
+def limited(record: TimeSeries, channel: int, part: float, both: bool = True) -> tuple[TimeSeries, list[bool]]:
+    """A channel that stops at a part of its largest value, and in which of the hits it does."""
+    values = record.values.copy()
+    limit = part * values[channel].max()
+    values[channel] = np.clip(values[channel], -limit if both else None, limit)
+    stopped = np.abs(values[channel]) == limit
+    return TimeSeries(values, CHANNELS, RATE), [bool(stopped[i * 1000 : (i + 1) * 1000].any()) for i in range(5)]
+
+
+@pytest.mark.parametrize("channel", [0, 1])
+@pytest.mark.parametrize("together", [True, False])
+def test_hits_that_stop_at_the_same_value_are_overloaded(channel: int, together: bool) -> None:
+    some = 0
+    for seed in range(40):
+        whole, stopped = limited(measured([40 + 1000 * i for i in range(5)], 5000, seed), channel, 0.85, channel > 0)
+        parts = [whole] if together else [whole.select_samples(1000 * i, 1000 * (i + 1)) for i in range(5)]
+        if not 1 < sum(stopped) < 5:
+            continue
+        some += sum(stopped) == 2
+        hits = hits_of(parts)
+        kept = [round(float(b.time_s[0]) * RATE) // 1000 for b in hits.blocks]
+        assert set(codes(hits.notices)) <= {"identify.hit-left-out", "identify.hit-overloaded"}
+        assert len(hits.notices) == sum(stopped)
+        # with fewer than three sound hits those with a sample or two at the limit are used
+        if sum(stopped) == 2:
+            assert kept == [i for i in range(5) if not stopped[i]]
+        else:
+            assert {i for i in range(5) if not stopped[i]} <= set(kept)
+            used = [n for n in hits.notices if " is used " in n.what]
+            assert len(used) == len(kept) - (5 - sum(stopped))
+    assert some >= 2
+
+
+def test_a_hit_with_a_short_overload_is_used_where_few_are_sound() -> None:
+    hits = hits_of([limited(measured([40, 1040, 2040], 3000, 1), 0, 0.75)[0]])
+    assert len(hits.blocks) == 3
+    check_shown("identify.hit-overloaded", hits.notices[0])
+
+
+@pytest.mark.parametrize("bits", [24, 16, 12])
+def test_converters_without_overload_lose_no_hits(bits: int) -> None:
+    """Also where the force rests at its least value."""
+    lost = 0
+    for seed in range(60):
+        record = measured([40 + 1000 * i for i in range(5)], 5000, seed)
+        values = record.values / (np.abs(record.values).max(axis=1, keepdims=True) * 1.3)
+        values[0] = np.maximum(values[0], 0.01)
+        steps = TimeSeries(np.rint(values * 2 ** (bits - 1)), CHANNELS, RATE)
+        lost += 5 - len(hits_of([steps]).blocks)
+    assert lost == 0
+
+
 def noisy(record: TimeSeries, part: float, hum: float = 0.0, seed: int = 5) -> TimeSeries:
     """With noise of the responses and a steady tone, as parts of their size."""
     size = np.array([[0.0], *([row.std()] for row in record.values[1:])])

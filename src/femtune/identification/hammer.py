@@ -6,6 +6,7 @@ and ends at zero, would cut the response from its force; a block from each hit t
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -31,6 +32,12 @@ DOUBLE = 0.2
 """Part of the longest time from one hit to the next; hits that follow sooner are bounces of the hammer."""
 FLAT = 3
 """Equal samples in a row at the largest value of a channel, from which the channel was overloaded in a hit."""
+LEAST_HITS = 3
+"""Hits from which their scatter gives the noise of the functions."""
+FINE, VERY_FINE = 1e-4, 1e-5
+"""Steps of a channel by its largest value, up to which three or two hits have the same peak by a limit only."""
+LEAST_LIMIT = 0.3
+"""Distance of a limit of a channel from its value at rest, relative to its largest distance from it."""
 QUIET = 2e-6
 """Part of the energy of the force that comes before a hit."""
 _EXTREME = 0.98
@@ -49,7 +56,7 @@ LEAST_BEFORE = 24
 """Samples before the first hits from which the noise is known."""
 FALLS = 1.8
 """Mean square of the eighth tenth of a block over that of the last one, of the response alone, where the noise before
-the hits is not known: that of a mode that falls by e^-3 over the block is 3.3, of one that falls by e^-1.5 it is 1.8."""
+the hits is not known: that of a mode that falls by e^-3 over the block is 3.3, of one that falls by e^-1.5 1.8."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,16 +92,27 @@ def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_win
     ------
     FemtuneError : ``identify.resolution/hits`` where no block is as long as that; ``record.lost-samples``
     """
-    hits = [(record, *hit) for record in records for hit in _hits(record)]
-    good = [one for one in hits if not one[3]]
-    left = tuple(
-        Notice("identify.hit-left-out", time_s=float(record.time_s[begin]), reason=reason)
-        for record, begin, _, reason in hits
-        if reason
-    )
+    found = [(record, *hit) for record in records for hit in _hits(record)]
+    if len({len(record.channels) for record in records}) == 1:
+        overloads = _overloads([one[:3] for one in found])
+    else:
+        overloads = [why for record in records for why in _overloads([o[:3] for o in found if o[0] is record])]
+    hits = [(*one[:3], "double hit" if one[3] else why) for one, (why, _) in zip(found, overloads)]
+    brief = ["" if reason else why for (*_, reason), (_, why) in zip(hits, overloads)]
+    points = [tuple(record.dofs("input").labels()) for record, *_ in hits]
+    sound = Counter(point for point, hit, why in zip(points, hits, brief) if not (hit[3] or why))
+    good, left = [], []
+    for hit, why, point in zip(hits, brief, points):
+        time_s, enough = float(hit[0].time_s[hit[1]]), sound[point] >= LEAST_HITS
+        if hit[3] or (why and enough):
+            left.append(Notice("identify.hit-left-out", time_s=time_s, reason=hit[3] or why))
+        else:
+            good.append(hit)
+            if why:
+                left.append(Notice("identify.hit-overloaded", time_s=time_s, reason=why, count=LEAST_HITS))
     if not good:
         # there is nothing better, and the reader is told
-        good, left = hits, (Notice("identify.hits-doubtful", reasons=", ".join(sorted({one[3] for one in hits}))),)
+        good, left = hits, [Notice("identify.hits-doubtful", reasons=", ".join(sorted({one[3] for one in hits})))]
     lengths = np.array([end - begin for _, begin, end, _ in good])
     usual = float(np.median(lengths))
     kept = [one for one, length in zip(good, lengths) if length >= (longest or 0.5 * usual)]
@@ -172,8 +190,8 @@ def _beyond(force: Reals, level: float = LEVEL) -> Flags:
     return np.asarray(np.abs(force) > level * np.nanmax(np.abs(force), initial=0.0))
 
 
-def _hits(record: TimeSeries) -> list[tuple[int, int, str]]:
-    """Begin and end of each hit, and why it is left out ("" if it is not)."""
+def _hits(record: TimeSeries) -> list[tuple[int, int, bool]]:
+    """Begin and end of each hit, and whether it is a double hit."""
     at = np.flatnonzero(_beyond(_force(record)))
     apart = np.append(np.diff(at), record.samples - at[-1])
     # pulses that follow much sooner than the others do are one hit with its bounces
@@ -187,7 +205,7 @@ def _hits(record: TimeSeries) -> list[tuple[int, int, str]]:
         contact = at[first[i] : last[i] + 1]
         # within one pulse the force falls below the level only where it crosses zero
         bounce = np.diff(contact).max(initial=1) > max(2 * _first_pulse(contact), 4)
-        hits.append((begin, end, "double hit" if bounce else _overload(record, begin, end)))
+        hits.append((begin, end, bool(bounce)))
     return hits
 
 
@@ -197,24 +215,66 @@ def _first_pulse(own: np.ndarray) -> int:
     return int(gaps[0] + 1 if len(gaps) else len(own))
 
 
-def _overload(record: TimeSeries, begin: int, end: int) -> str:
-    """Which channels are flat at the largest values that they have."""
-    names = []
-    for channel, row in zip(record.channels, record.values):
-        largest, piece = float(np.nanmax(np.abs(row))), row[begin:end]
-        high = np.abs(piece) >= _EXTREME * largest
-        equal = high[1:] & high[:-1] & (piece[1:] == piece[:-1])
-        runs = np.convolve(equal, np.ones(FLAT - 1), "valid") if len(equal) >= FLAT - 1 else np.zeros(0)
-        if largest > 0.0 and (runs >= FLAT - 1).any() and not _coarse(row):
-            names.append(str(channel))
-    return f"overload of {', '.join(names)}" if names else ""
+def _overloads(hits: Sequence[tuple[TimeSeries, int, int]]) -> list[tuple[str, str]]:
+    """Of each hit of records with the same channels, which are overloaded for long and which briefly ("" if none is).
+
+    A channel is for long if it is flat at the largest values that it has in the record, briefly if it stops for a
+    sample or two where it stops in other hits.
+    """
+    names: list[tuple[list[str], list[str]]] = [([], []) for _ in hits]
+    for i in range(len(hits[0][0].channels)):
+        rows = {id(record): record.values[i] for record, _, _ in hits}
+        if any(_coarse(row) for row in rows.values()):
+            continue
+        largest = {key: float(np.nanmax(np.abs(row))) for key, row in rows.items()}
+        step = max(_step(row) / largest[key] for key, row in rows.items())
+        pieces = [rows[id(record)][begin:end] for record, begin, end in hits]
+        for own, (record, _, _), piece, stops in zip(names, hits, pieces, _share_an_extreme(pieces, step)):
+            high = np.abs(piece) >= _EXTREME * largest[id(record)]
+            equal = high[1:] & high[:-1] & (piece[1:] == piece[:-1])
+            runs = np.convolve(equal, np.ones(FLAT - 1), "valid") if len(equal) >= FLAT - 1 else np.zeros(0)
+            if (runs >= FLAT - 1).any():
+                own[0].append(str(record.channels[i]))
+            elif stops:
+                own[1].append(str(record.channels[i]))
+    return [(_overload_of(long), _overload_of(brief)) for long, brief in names]
+
+
+def _overload_of(channels: Sequence[str]) -> str:
+    return f"overload of {', '.join(channels)}" if channels else ""
+
+
+def _share_an_extreme(pieces: Sequence[Reals], step: float) -> Flags:
+    """Of each hit, whether a channel stops at its largest or smallest value, at which another hit stops too.
+
+    One sample of each hit says so where the steps of the channel are fine; else a hit has two equal neighbours there.
+    """
+    out = np.zeros(len(pieces), bool)
+    together = np.concatenate(pieces)
+    top, bottom, rest = float(together.max()), float(together.min()), float(np.median(together))
+    # a converter with symmetric limits stops at both
+    far = [v for v in (top, bottom) if abs(v - rest) > LEAST_LIMIT * max(top - rest, rest - bottom)]
+    for values in (far,) if top == -bottom else [[v] for v in far]:
+        at = [np.isin(piece, values) for piece in pieces]
+        single = np.array([one.any() for one in at])
+        double = np.array([bool((p[1:][a[1:] & a[:-1]] == p[:-1][a[1:] & a[:-1]]).any()) for p, a in zip(pieces, at)])
+        if single.sum() > 1:
+            sure = step <= VERY_FINE or (step <= FINE and (single.sum() > 2 or double.any()))
+            out |= single if sure else double
+    return out
 
 
 def _coarse(row: Reals) -> bool:
     """Whether the steps of a converter are so coarse that equal samples say nothing."""
+    step = _step(row)
+    return bool(step == 0.0 or step > 2e-3 * np.nanmax(np.abs(row)))
+
+
+def _step(row: Reals) -> float:
+    """The smallest difference between two samples in a row that is not zero; 0 where there is none."""
     steps = np.abs(np.diff(row))
     moving = steps[steps > 0.0]
-    return bool(not len(moving) or moving.min() > 2e-3 * np.nanmax(np.abs(row)))
+    return float(moving.min()) if len(moving) else 0.0
 
 
 def _with_force_window(piece: TimeSeries, samples: int) -> TimeSeries:

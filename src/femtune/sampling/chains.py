@@ -78,8 +78,11 @@ class ChainSamples:
         return self.values.reshape(-1, self.values.shape[2])
 
 
-def run_chains(density: LogDensity, start: Reals, rules: ChainRules, rng: np.random.Generator) -> ChainSamples:
-    """Chains from starting points (c, d).
+def run_chains(
+    density: LogDensity, start: Reals, rules: ChainRules, rng: np.random.Generator,
+    told: Callable[[int], None] = lambda steps: None,
+) -> ChainSamples:  # fmt: skip
+    """Chains from starting points (c, d); `told` is told the number of their steps from time to time.
 
     Examples
     --------
@@ -88,12 +91,14 @@ def run_chains(density: LogDensity, start: Reals, rules: ChainRules, rng: np.ran
     >>> found.r_hat < 1.01, bool(abs(found.flat.std() - 1.0) < 0.05)
     (True, True)
     """
-    state = _Ensemble(density, start, rules, rng)
+    state, warm = _Ensemble(density, start, rules, rng), 0
     for window in rules.windows:
         state.seen = []
         for _ in range(window):
             state.move(adapt=True)
         state.rescale()
+        warm += window
+        told(warm)
     for _ in range(rules.windows[0]):
         state.move(adapt=True)
     kept: list[Reals] = []
@@ -102,6 +107,7 @@ def run_chains(density: LogDensity, start: Reals, rules: ChainRules, rng: np.ran
         for _ in range(rules.kept):
             accepted.append(state.move(adapt=False))
             kept.append(state.z.copy())
+        told(warm + rules.windows[0] + len(kept))
         values = np.array(kept)
         ratio = r_hat(values)
         if ratio < MIXED or len(kept) >= rules.most:

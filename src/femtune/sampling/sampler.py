@@ -389,7 +389,8 @@ class Sampler:
         elif surrogate.monomials.degree == 1:
             # what it misses, the weights tell
             rules = replace(rules, most=rules.most // 3)
-        return _Drawn(surrogate, reduced, run_chains(density, start, rules, self.rng), density)
+        chains = run_chains(density, start, rules, self.rng, lambda steps: self.tell(f"chains, {steps} steps"))
+        return _Drawn(surrogate, reduced, chains, density)
 
     def _of_data(self, drawn: _Drawn) -> Reals | None:
         """Samples with errors of the data alone."""

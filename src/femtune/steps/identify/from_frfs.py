@@ -15,10 +15,11 @@ from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.files.described_test import read_described
 from femtune.identification.averaging import Averaging, input_output_spectra, no_lost_samples
 from femtune.identification.estimators import KIND_OF, estimate_frfs
-from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, samples_before, still_moving
+from femtune.identification.hammer import DECAYED, LEAST_HITS, hits_of, is_impulsive, samples_before, still_moving
 from femtune.identification.input_known import InputKnown, NoModesChosen, identify_frfs
 from femtune.identification.join import at_lines
 from femtune.identification.kinds import KNOWN_INPUT
+from femtune.identification.late_forces import late_force_notices
 from femtune.identification.periodic import periodic_frfs
 from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
@@ -43,6 +44,9 @@ DEFAULT_ORDER = 60
 Each mode needs an order of two, and noise needs several times as much; higher orders take longer.
 """
 
+LINES_TO = 2.56
+"""Sampling rate over the highest line of functions that come without their record."""
+
 
 def found_from_file(file: IdentifyFile) -> Found:
     """Modes of measured functions.
@@ -65,6 +69,7 @@ def found_from_frfs(
     geometry: WireFrame = NO_GEOMETRY,
     sd: NDArray[np.float64] | None = None,
     whole: WholeRecord | None = None,
+    step_s: float | None = None,
 ) -> Found:
     """Modes of functions, with every pole, the fit and the state-space model.
 
@@ -72,6 +77,7 @@ def found_from_frfs(
     ----------
     sd : of the functions, or None
     whole : the record of which these are the functions, where its lines are to be fitted
+    step_s : between two samples of the record from which these are, or None
     """
     table = file.identify
     methods = tuple(m for m in table.methods or KNOWN_INPUT if m in KNOWN_INPUT)
@@ -94,12 +100,16 @@ def found_from_frfs(
     measured, synthesised = made.fit.measured, made.fit.synthesised
     error = np.linalg.norm(synthesised.values - measured.values, axis=2)
     size = np.linalg.norm(measured.values, axis=2)
+    forces = frfs.references.labels()
+    late = late_force_notices(
+        made.fit, forces, step_s or 1.0 / (LINES_TO * float(frfs.freq_hz[-1])), counted=step_s is not None
+    )
     collinearity = np.array([phase_collinearity(shape) for shape in leading_shapes(made.fit_of_shapes).T])
     return Found(
         made.modes, collinearity, made.table, made.candidates, _by_method(made), _curve(measured),
         measured=measured,
         synthesised=synthesised, misfit_percent=100.0 * error / np.where(size > 0.0, size, 1.0), system=made.system,
-        notices=made.notices, remarks=made.remarks, geometry=geometry,
+        notices=(*made.notices, *late), remarks=made.remarks, geometry=geometry,
         measured_sd=None if sd is None else sd[:, :, np.isin(frfs.freq_hz, measured.freq_hz)],
         of_whole_record=whole is not None and whole.width > 0, decay=decay,
     )  # fmt: skip
@@ -138,7 +148,7 @@ def _curve(frfs: FrfSet) -> Curve:
     return Curve(frfs.freq_hz, level, "all functions together", singular)
 
 
-_HITS_LEFT = ("identify.hit-left-out", "identify.hits-doubtful")
+_HITS_LEFT = ("identify.hit-left-out", "identify.hit-overloaded", "identify.hits-doubtful")
 """Notices of hits that are wrong: then the whole record is wrong too."""
 _OF_BLOCKS = ("identify.hits", "identify.one-hit", "identify.hits-not-decayed")
 """Notices of the functions of blocks, which are not shown where the whole record is fitted."""
@@ -176,7 +186,7 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     if whole is not None and not hits:
         whole = in_bins(whole, FUNCTION_LINES)
         frfs, sd = binned(whole)
-        return found_from_frfs(frfs, file, sd=sd, whole=whole)
+        return found_from_frfs(frfs, file, sd=sd, whole=whole, step_s=1.0 / living[0].even_hz)
     frfs, sd, notices = functions_of(living, file)
     if any(notice.code in _HITS_LEFT for notice in notices):
         whole = None
@@ -191,7 +201,8 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     errors = sd[:, :, kept]
     known = np.isfinite(errors).all() and (errors > 0.0).all()
     with with_notices(notices):
-        found = found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None, whole=whole)
+        step_s = 1.0 / living[0].even_hz
+        found = found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None, whole=whole, step_s=step_s)
     return replace(found, notices=(*notices, *found.notices))
 
 
@@ -306,8 +317,6 @@ def _together(several: Sequence[FrfSet]) -> FrfSet:
     return replace(first, values=values, references=references, coherence=coherence)
 
 
-LEAST_HITS = 3
-"""Hits from which their scatter gives the noise of the functions."""
 LEAST_FREEDOM = 30
 """Degrees of freedom of a variance of the noise, over hits and neighbouring lines."""
 
