@@ -167,6 +167,17 @@ def test_a_choice_that_does_not_fit_is_refused(made, tmp_path):
     assert "changed = ambient.npy" in str(shown["identify.choices"])
 
 
+def test_a_file_of_choices_without_modes_is_refused_before_anything_is_computed(tmp_path):
+    np.save(tmp_path / "r.npy", np.random.default_rng(1).standard_normal((3, 64)))
+    (tmp_path / "choices.toml").write_text('[[input]]\npath = "r.npy"\nsha256 = "00"\n')
+    # so short a record is an error of the methods
+    options = {"choices": str(tmp_path / "choices.toml"), "band_hz": (1.0, 20.0), "sampling_hz": 50.0}
+    with pytest.raises(ft.FemtuneError) as error:
+        ft.identify(tmp_path / "r.npy", output=tmp_path / "out", **options)
+    assert error.value.what == "the choices file lacks the key 'mode'"
+    assert error.value.hint == "add a table [[mode]]"
+
+
 def test_without_a_mode_the_page_has_the_poles_to_pick_from(made):
     """Noise has no mode; poles that are picked on its page are taken, also from the command line."""
     folder = made[0]

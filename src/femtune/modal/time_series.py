@@ -122,7 +122,8 @@ class TimeSeries:
             raise FemtuneError("record.shape", values=sizes)
         if np.isinf(self.values).any():
             bad = [str(self.channels[i]) for i in np.flatnonzero(np.isinf(self.values).any(axis=1))[:5]]
-            raise FemtuneError("record.values/infinite", values={"channels": " ".join(bad)})
+            first = int(np.flatnonzero(np.isinf(self.values).any(axis=0))[0]) + 1
+            raise FemtuneError("record.values/infinite", values={"channels": " ".join(bad)}, sample=first)
 
     def _check_clock(self) -> None:
         rate = self.sampling_hz
@@ -134,9 +135,17 @@ class TimeSeries:
             raise FemtuneError("record.times/none")
 
     def _check_times(self, times: NDArray[np.float64]) -> None:
-        if times.shape != (self.values.shape[1],) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+        if times.shape != (self.values.shape[1],):
             sizes = {"times": times.shape, "samples": self.values.shape[1]}
             raise FemtuneError("record.times", values=sizes)
+        if not np.isfinite(times).all():
+            bad = int(np.flatnonzero(~np.isfinite(times))[0])
+            raise FemtuneError("record.times/not-finite", sample=bad + 1, time=float(times[bad]))
+        if len(falls := np.flatnonzero(np.diff(times) <= 0.0)):
+            at = int(falls[0])
+            code = "record.times/repeated" if times[at + 1] == times[at] else "record.times/back"
+            before, after = (np.format_float_positional(t, trim="-") for t in times[at : at + 2])
+            raise FemtuneError(code, values={"such steps": len(falls)}, sample=at + 2, before=before, after=after)
         rate = _even_rate(times)
         if self.sampling_hz is not None:
             _check_rate(self.sampling_hz, rate, times)

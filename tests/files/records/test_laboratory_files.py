@@ -30,7 +30,7 @@ from femtune.identification.averaging import no_lost_samples
 from femtune.identification.operational import Operational
 from femtune.modal import TimeSeries
 from femtune.steps.identify.from_record import read_asked
-from femtune.steps.identify.request import asked_of, check_length
+from femtune.steps.identify.request import asked_of, check_length, check_usable
 from femtune.units import unit_system
 
 T = np.arange(64) / 200.0
@@ -145,6 +145,53 @@ def test_a_rate_in_the_header_that_the_times_contradict_is_told(tmp_path: Path) 
 
 # ----------------------------------------------------------------------------------------------------
 # Times.
+
+
+@pytest.mark.parametrize(
+    ("times", "name", "words"),
+    [
+        ({10: T[9]}, "record.times, repeated", "the time of sample 11 is that of the sample before it: 0.045 s"),
+        ({10: 0.02}, "record.times, back", "the time of sample 11 goes back from 0.045 s to 0.02 s"),
+        ({10: np.nan}, "record.times, not a number", "the time of sample 11 is not a number: nan"),
+    ],
+)
+def test_times_that_do_not_increase_are_told_with_their_line_and_values(
+    tmp_path: Path, times: dict[int, float], name: str, words: str
+) -> None:
+    wrong = T.copy()
+    for at, value in times.items():
+        wrong[at] = value
+    path = table(tmp_path, "# a line of words\ntime,a,b", wrong, ONE, TWO)
+    with pytest.raises(FemtuneError) as error:
+        read_record(path)
+    assert error.value.what == words
+    assert error.value.where is not None
+    assert (error.value.where.file, error.value.where.line) == (str(path), 13)
+    error.value.where = None
+    check_shown(name, error.value)
+
+
+def test_an_infinite_sample_is_told_with_its_line(tmp_path: Path) -> None:
+    wrong = TWO.copy()
+    wrong[[20, 30]] = np.inf
+    with pytest.raises(FemtuneError, match="the first of them in sample 21") as error:
+        read_record(table(tmp_path, "time,a,b", T, ONE, wrong))
+    assert error.value.where is not None
+    assert error.value.where.line == 22
+
+
+def test_a_force_that_is_zero_and_a_band_whose_limits_are_exchanged_are_told(tmp_path: Path) -> None:
+    path = table(tmp_path, "time,force [N],acc [g]", T, 0.0 * FORCE, ONE)
+    ((record, _),) = read_asked(asked_of(path, {"band_hz": (1.0, 50.0)}))
+    with pytest.raises(FemtuneError, match="the force is zero or constant") as error:
+        check_usable(record)
+    check_shown("record.dead, force", error.value)
+    with pytest.raises(FemtuneError, match="the limits of the band are exchanged") as error:
+        asked_of(path, {"band_hz": (50.0, 1.0)})
+    error.value.where = None
+    check_shown("identify.record-band, exchanged", error.value)
+    with pytest.raises(FemtuneError, match="the band is empty"):
+        asked_of(path, {"band_hz": (50.0, 50.0)})
 
 
 @pytest.mark.parametrize("heading", [",a,b", "X_Value,a,b", ""])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import Dof
-from femtune.errors import FemtuneError, Notice, did_you_mean
+from femtune.errors import FemtuneError, Notice, Where, did_you_mean
 from femtune.files.formats import RECORD_FORMATS, RecordFormat
 from femtune.files.records.arrays import table_of
 from femtune.files.records.clocks import of_one_clock
@@ -120,7 +120,13 @@ def read_record_and_clock(
     if not columns:
         channels, factors = _converted(_stated_channels(table), units)
     rate = _rate(table, sampling_hz)
-    made = TimeSeries(factors[:, None] * table.values[chosen], tuple(channels), rate, 0.0, table.times_s, str(path))
+    try:
+        made = TimeSeries(factors[:, None] * table.values[chosen], tuple(channels), rate, 0.0, table.times_s, str(path))
+    except FemtuneError as error:
+        sample = error.facts.get("sample")
+        if sample and table.lines:
+            error.where = Where(str(path), table.lines[sample - 1])
+        raise
     if made.sampling_hz is not None and made.sampling_hz > LARGEST_RATE_HZ:
         raise problem(path, "record.rate/too-large", sampling_hz=made.sampling_hz)
     rounded = sampling_hz is None and table.sampling_hz is not None and table.rate_error > _EXACT_RATE

@@ -47,6 +47,7 @@ class RecordTable:
     channels : of the columns, if the file states them; otherwise ()
     notices : what was left out of the file, or is doubtful about its times
     rate_error : relative error of `sampling_hz`, where the file states it with few digits
+    lines : of a text, the line of each sample, from 1
     """
 
     values: Reals
@@ -57,6 +58,7 @@ class RecordTable:
     channels: tuple[StatedChannel, ...] = ()
     notices: tuple[Notice, ...] = ()
     rate_error: float = 0.0
+    lines: tuple[int, ...] = ()
 
     @property
     def channel_names(self) -> tuple[str, ...]:

@@ -54,9 +54,14 @@ def read_text(path: Path) -> RecordTable:
         below = tuple(below[i] for i in keep) if below else ()
     channels = tuple(map(stated_channel, names, map(_known, below))) if any(map(_known, below)) else ()
     rate = stated_rate([*lines[:first], *(str(one.facts["text"]) for one in footer)])
-    if times is None:
-        return RecordTable(columns, names, rate, None, str(path), channels, notices)
-    return RecordTable(columns, names, None, times, str(path), channels, (*notices, *_against_times(rate, times)))
+    stated, of_rate = (rate, ()) if times is None else (None, _against_times(rate, times))
+    numbers = tuple(
+        i for i, line in enumerate(lines[first:], first + 1) if line.strip() and line.lstrip()[0] not in "#%"
+    )
+    return RecordTable(
+        columns, names, stated, times, str(path), channels, (*notices, *of_rate),
+        lines=numbers if len(numbers) == columns.shape[1] else (),
+    )  # fmt: skip
 
 
 _RATE_DIFFERS = 0.01

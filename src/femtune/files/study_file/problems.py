@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -68,7 +68,7 @@ def _error(finding: ErrorDetails, source: StudyLines, model: type[BaseModel]) ->
     if finding["type"] == "extra_forbidden":
         return _unknown_key(finding, place, source, model)
     if finding["type"] == "missing":
-        return _missing_key(place, source)
+        return _missing_key(place, source, _list_of_tables(place, model))
     if finding["type"] == "femtune":
         return _own(finding["ctx"]["error"], place, finding["input"], source)
     if finding["type"] == "tuple_type" and isinstance(finding["input"], Mapping):
@@ -140,7 +140,14 @@ def _place_of_test_key(place: Place, model: type[BaseModel]) -> str:
     return f"move the line below [test], or the [[configuration]] of the test: '{place[-1]}' is a key of these tables"
 
 
-def _missing_key(place: Place, source: StudyLines) -> FemtuneError:
+def _list_of_tables(place: Place, model: type[BaseModel]) -> bool:
+    """True for a key of the whole file whose value is a list of tables."""
+    field = _fields(model).get(str(place[0])) if len(place) == 1 else None
+    kind = None if field is None else field.annotation
+    return get_origin(kind) is tuple and model_in(kind) is not None
+
+
+def _missing_key(place: Place, source: StudyLines, tables: bool = False) -> FemtuneError:
     if isinstance(place[-1], int):
         hint = f"{source.page} has an example"
         return source.error(place, "study.value/missing-entry", {}, hint=hint, name=_name(place[:-1]))
@@ -150,6 +157,7 @@ def _missing_key(place: Place, source: StudyLines) -> FemtuneError:
         '"m-kg-s"  (or "mm-t-s", "in-slinch-s" and others' if key == "units" else f"…  ({source.page} has an example"
     )
     hint = f"add the table [{key}]" if table_lacks else f"add the line  {key} = {value})"
+    hint = f"add a table [[{key}]]" if tables else hint
     return source.error(place, "study.missing-key", {}, hint=hint, table=table, key=key)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, ValidationError
 
 from femtune.errors import FemtuneError, Where
+from femtune.files.identification_file import PAGE
 from femtune.files.study_file.choices import ChosenInput
 from femtune.files.study_file.kinds import Positive, SchemaVersion, TomlTable
 from femtune.files.study_file.problems import problems
@@ -57,7 +58,7 @@ def read_choices(path: Path, measured: Sequence[Path]) -> tuple[PickedPole, ...]
         those of the choice, or have changed; ``identify.choices/names`` for two modes of one name
     """
     text = toml_text(path)
-    data, source = toml_data(text, path), StudyLines(str(path), line_numbers(text), "docs/identify-file.md")
+    data, source = toml_data(text, path), StudyLines(str(path), line_numbers(text), PAGE, "the choices file")
     check_version(data, source)
     try:
         choices = ChoicesFile.model_validate(data)

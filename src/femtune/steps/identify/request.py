@@ -17,7 +17,7 @@ from femtune.files.identification_file import (
     read_identify_file,
 )
 from femtune.files.study_file.problems import problems
-from femtune.files.study_file.source import StudyLines
+from femtune.files.study_file.source import StudyLines, falls
 from femtune.files.uff.measured_functions import read_header
 from femtune.files.uff.scan import names_universal, scan_uff
 from femtune.files.uff.spectrum_sets import SPECTRA
@@ -47,6 +47,7 @@ def asked_of(path: Path | str, options: Mapping[str, Any]) -> IdentifyFile:
     """
     path = Path(path)
     given = {key: value for key, value in options.items() if value is not None}
+    _check_band(given.get("band_hz"), path)
     further = tuple(map(os.path.abspath, given.pop("further_records", ())))
     if "choices" in given:
         # a path of the command line, and not of the file
@@ -67,6 +68,14 @@ def asked_of(path: Path | str, options: Mapping[str, Any]) -> IdentifyFile:
     made = _checked({"identify": {kind: (path.name, *further) if further else path.name, **given}}, path)
     made._path, made._source = path, StudyLines(str(path))
     return made
+
+
+def _check_band(band_hz: object, path: Path) -> None:
+    """Limits of an option in their order (error ``identify.record-band``); those of a file are checked with it."""
+    if falls(band_hz):
+        low, high = (f"{end:g}" for end in band_hz)  # type: ignore[attr-defined]
+        code = "identify.record-band/empty" if low == high else "identify.record-band/exchanged"
+        raise FemtuneError(code, where=Where(str(path)), values={"band": f"{low} to {high} Hz"}, low=low, high=high)
 
 
 def _checked(data: dict[str, Any], path: Path) -> IdentifyFile:
@@ -105,10 +114,15 @@ def check_usable(record: TimeSeries) -> None:
 
     Raises
     ------
-    FemtuneError : ``record.dead`` where no response moves, ``record.values`` for numbers that are too large or small
+    FemtuneError : ``record.dead`` where no response moves or no force changes, ``record.values`` for numbers that are
+        too large or small
     """
     # magnitudes are checked first, because the squares that reveal a dead channel could overflow
     _check_size(record)
+    forces = [i for i in record.positions("input") if record.channels[i].quantity == "force"]
+    if forces and (np.nanmax(record.values[forces], axis=1) == np.nanmin(record.values[forces], axis=1)).all():
+        names = ", ".join(str(record.channels[i]) for i in forces[:5])
+        raise FemtuneError("record.dead/force", channels=names)
     responses = record.select_channels([*record.positions("reference"), *record.positions("response")])
     if len(responses) and dead_channels(responses).all():
         raise FemtuneError("record.dead/all-responses")

@@ -11,6 +11,7 @@ from femtune.steps.result import StepResult
 from femtune.study.rows import Rows, rows_of
 
 if TYPE_CHECKING:
+    from femtune.errors import Notice
     from femtune.modal import FrfSet, ModeSet
     from femtune.steps.identify.identified import Found
     from femtune.steps.identify.record import Identification
@@ -91,8 +92,13 @@ class IdentifyResult(StepResult):
         return self.found.synthesised
 
     @property
+    def remarks(self) -> tuple[Notice, ...]:
+        """What the command line prints beside the modes: each with `code`, `level` and `what`."""
+        return self.found.notices
+
+    @property
     def notices(self) -> tuple[Alert, ...]:
-        """Alerts and remarks."""
+        """`remarks` as they are in identified.json: with `sentence` in place of `what`."""
         return self.record.alerts
 
     def _sentences(self) -> list[str]:

@@ -18,6 +18,7 @@ from femtune.identification.gaps import cut_at_gaps
 from femtune.identification.record_checks import check_record
 from femtune.identification.same_shapes import same_shape_remarks
 from femtune.journal.owner import owner_of
+from femtune.steps.identify.choices import picked_poles
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.steps.identify.from_record import found_from_record, read_asked
@@ -71,6 +72,7 @@ def identify(
     _check_folder(folder, file)
     progress.step("reading the measurement", 0, None)
     inputs = tuple(InputFile(path=one.name, sha256=digest_of(one)) for one in file.measured_paths)
+    picked_poles(file)  # before anything is computed
     title = file.identify.title or file.measured_path.name
     stated = {"report": report_facts(file.report)}
     try:
