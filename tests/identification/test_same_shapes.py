@@ -57,7 +57,8 @@ def test_one_channel_in_large_numbers_does_not_make_shapes_alike() -> None:
 
 @pytest.mark.parametrize(("sensors", "most"), [(4, 0.02), (6, 0.01), (10, 0.005)])
 def test_random_shapes_are_seldom_told_and_the_same_shape_nearly_always(sensors: int, most: float) -> None:
-    """Of 4000 pairs with a noise of 5 %: 0.6, 0.05 and 0 % of random ones, 99.5 % and more of equal ones."""
+    """Of 4000 pairs with a noise of 5 %: 0.6 and 0.05 % of random ones with 4 and 6 sensors, 99.5 % of equal ones with
+    4."""
     rng, noise, pairs = np.random.default_rng(3), 0.05, 100
     random, equal = 0, 0
     for _ in range(pairs):
