@@ -19,7 +19,9 @@ from femtune.files.study_file.source import StudyLines
 from femtune.files.study_file.study import StudyFile
 
 _WRONG = ("x", "", -1, 1.5, True, [], ["a"], [1, 2, 3, 4, 5, 6, 7], [[1.0]], {}, {"a": 1}, float("nan"), 1e300, 0, [{}])
-_FOREIGN = re.compile(r"constrained|pydantic|validation|pattern|tuple|Input|\bstr\b|\bint\b|\\bdict\\b|NoneType|function-")
+_FOREIGN = re.compile(
+    r"constrained|pydantic|validation|pattern|tuple|Input|\bstr\b|\bint\b|\bdict\b|NoneType|function-"
+)
 _STUDY = {"title": "x", "deck": "d.bdf", "units": "m-kg-s"}
 _IDENTIFY = {"record": "r.csv", "units": "m-kg-s"}
 
