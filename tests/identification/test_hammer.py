@@ -407,5 +407,24 @@ def test_a_hit_after_one_that_is_left_out_is_doubted(tmp_path: Path) -> None:
     values = np.loadtxt(slowly_decaying([40, 100, 560], 1100, tmp_path), delimiter=",", skiprows=1)
     path = written(TimeSeries(values.T, CHANNELS, RATE), tmp_path / "again.csv")
     made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0), output=tmp_path / "out")
-    (said,) = [n for n in made.found.notices if n.code == "identify.one-hit" and n.level == "warning"]
-    check_shown("identify.one-hit, in motion", said)
+    (said,) = [n for n in made.found.notices if n.code == "identify.unsound-hits"]
+    check_shown("identify.unsound-hits, decay", said)
+    assert {r.mode for r in made.found.remarks if r.doubtful} >= {0, 1, 2}
+
+
+@pytest.mark.slow
+def test_a_hit_long_after_one_that_is_left_out_is_not_doubted(tmp_path: Path) -> None:
+    record = measured([40, 3000], 6000, seed=5, again=60)
+    made = identify(written(record, tmp_path / "again.csv"), sampling_hz=RATE, band_hz=(10.0, 90.0))
+    assert {"identify.hit-left-out", "identify.one-hit"} <= set(codes(made.found.notices))
+    assert "identify.unsound-hits" not in codes(made.found.notices)
+
+
+@pytest.mark.slow
+def test_modes_of_clipped_hits_are_doubtful(tmp_path: Path) -> None:
+    record, hit = limited(measured([40, 1300], 2600, seed=3), 1, 0.6)
+    assert all(hit)
+    made = identify(written(record, tmp_path / "clipped.csv"), sampling_hz=RATE, band_hz=(10.0, 90.0))
+    (said,) = [n for n in made.found.notices if n.code == "identify.unsound-hits"]
+    check_shown("identify.unsound-hits", said)
+    assert all(any(r.mode == i and r.doubtful for r in made.found.remarks) for i in range(len(made.modes)))

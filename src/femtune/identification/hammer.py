@@ -102,7 +102,7 @@ def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_win
     ------
     FemtuneError : ``identify.resolution/hits`` where no block is as long as that; ``record.lost-samples``
     """
-    found = [(record, *hit) for record in records for hit in _hits(record)]
+    found = [(record, *hit) for record in records for hit in hit_spans(record)]
     if len({len(record.channels) for record in records}) == 1:
         overloads = _overloads([one[:3] for one in found])
     else:
@@ -153,7 +153,7 @@ def without_hits(record: TimeSeries, spans: Sequence[tuple[int, int]]) -> tuple[
     ----------
     spans : begin and end of the hits in samples, in their order
     """
-    first = _hits(record)[0][0]
+    first = hit_spans(record)[0][0]
     kept = np.ones(record.samples, bool)
     for begin, end in spans:
         kept[0 if begin == first else max(begin - _BEFORE, 0) : end] = False
@@ -203,7 +203,7 @@ def _noise_before(records: Sequence[TimeSeries]) -> float | None:
     """Mean square of the responses before the first hits; None where there are less than `LEAST_BEFORE` samples."""
     pieces = []
     for record in records:
-        begin = max(_hits(record)[0][0] - _BEFORE, 0)
+        begin = max(hit_spans(record)[0][0] - _BEFORE, 0)
         y = record.values[[i for i, c in enumerate(record.channels) if c.role != "input"], :begin]
         if begin > 1:
             pieces.append((y - y.mean(axis=1, keepdims=True)) * np.sqrt(begin / (begin - 1)))
@@ -220,7 +220,7 @@ def _beyond(force: Reals, level: float = LEVEL) -> Flags:
     return np.asarray(np.abs(force) > level * np.nanmax(np.abs(force), initial=0.0))
 
 
-def _hits(record: TimeSeries) -> list[tuple[int, int, bool]]:
+def hit_spans(record: TimeSeries) -> list[tuple[int, int, bool]]:
     """Begin and end of each hit, and whether it is a double hit."""
     at = np.flatnonzero(_beyond(_force(record)))
     apart = np.append(np.diff(at), record.samples - at[-1])

@@ -28,6 +28,7 @@ from femtune.identification.input_known import InputKnown, NoModesChosen, identi
 from femtune.identification.join import at_lines
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.late_forces import late_force_notices
+from femtune.identification.mode_checks import ModeRemark
 from femtune.identification.periodic import periodic_frfs
 from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
@@ -158,6 +159,8 @@ def _curve(frfs: FrfSet) -> Curve:
 
 _OF_BLOCKS = ("identify.hits", "identify.one-hit", "identify.hits-not-decayed")
 """Notices of the functions of blocks, which are not shown where the whole record is fitted."""
+LARGEST_DECAY = 0.5
+"""Part of the relative standard deviation of a damping ratio that the decay before a hit may have without a doubt."""
 DEFAULT_LINES = 400
 """Lines of a band if no resolution is requested, as far as the record allows with eight segments.
 
@@ -204,12 +207,43 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     kept = np.flatnonzero(usable)
     errors = sd[:, :, kept]
     known = np.isfinite(errors).all() and (errors > 0.0).all()
-    if whole is None and not known and any(notice.code == "identify.hit-left-out" for notice in notices):
-        notices += (Notice("identify.one-hit/in-motion"),)
     with with_notices(notices):
         step_s = 1.0 / living[0].even_hz
         found = found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None, whole=whole, step_s=step_s)
-    return replace(found, notices=(*notices, *found.notices))
+    unsound = _unsound_hits(found, living, notices, in_motion=whole is None and not known)
+    return replace(
+        found,
+        notices=(*notices, *found.notices, *dict.fromkeys(r.notice for r in unsound)),
+        remarks=(*found.remarks, *unsound),
+    )
+
+
+def _unsound_hits(
+    found: Found, records: Sequence[TimeSeries], notices: Sequence[Notice], in_motion: bool
+) -> tuple[ModeRemark, ...]:
+    """``identify.unsound-hits`` of the modes whose standard deviations miss an error of the hits that are used.
+
+    A hit without the decay of the one before it moves a pole by about that decay, relative to the bandwidth. It counts
+    where that is more than a part of the standard deviation.
+
+    Parameters
+    ----------
+    notices : of the hits
+    in_motion : whether the decay after a hit that is left out is part of the functions of the next one
+    """
+    modes, reasons = found.modes, [str(n.facts["reason"]) for n in notices if n.code == "identify.hit-overloaded"]
+    reasons += [str(n.facts["reasons"]) for n in notices if n.code == "identify.hits-doubtful"]
+    if reasons:
+        doubt = Notice("identify.unsound-hits", reasons=", ".join(dict.fromkeys(reasons)))
+        return tuple(ModeRemark(i, doubt) for i in range(len(modes)))
+    left_out = hits_of(records).left_out if in_motion else ()
+    if not left_out or modes.damping_ratio is None or modes.damping_sd is None:
+        return ()
+    pause_s = min(end - begin for begin, end in left_out) / records[0].even_hz
+    decay = np.exp(-2.0 * np.pi * modes.freq_hz * modes.damping_ratio * pause_s)
+    doubt = Notice("identify.unsound-hits", reasons="decay after a hit that is left out")
+    far = decay > LARGEST_DECAY * modes.damping_sd / np.abs(modes.damping_ratio)
+    return tuple(ModeRemark(int(i), doubt) for i in np.flatnonzero(far))
 
 
 def _whole(records: Sequence[TimeSeries], file: IdentifyFile) -> WholeRecord | None:
