@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -295,10 +296,10 @@ def fit_remarks(fit: ModalFit, made: ScaledShapes, noise_only: Sequence[bool] | 
         parts = zip(freq, fit.by_parts[inside], fit.by_noise[inside], fit.by_force[inside])
         for r, (f, times, noise, (change, ratio)) in enumerate(parts):
             if times > 1.0:
-                said = {"frequency_hz": float(f), "times": float(times), "wider": float(1.0 / noise)}
+                said: dict[str, Any] = {"frequency_hz": float(f), "times": float(times), "wider": float(1.0 / noise)}
                 if np.isfinite(change):
-                    of_force = {"percent": 100.0 * float(change), "ratio": float(ratio)}
-                    remarks.append(ModeRemark(r, Notice("identify.parts-disagree/force", **said, **of_force)))
+                    said |= {"percent": 100.0 * float(change), "ratio": float(ratio)}
+                    remarks.append(ModeRemark(r, Notice("identify.parts-disagree/force", **said)))
                 else:
                     remarks.append(ModeRemark(r, Notice("identify.parts-disagree", **said)))
     return tuple(sorted(remarks, key=lambda remark: remark.mode))
