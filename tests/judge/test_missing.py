@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom, f
 
 from femtune.arrays import Reals
-from femtune.judge.missing import p_of_refit, score_test
+from femtune.judge.missing import mode_with_most, p_of_refit, score_test
 from femtune.judge.whitened import Whitened
 
 
@@ -143,3 +145,32 @@ def test_refit_of_a_linear_model_has_the_p_value_of_the_field() -> None:
     p = p_of_refit(_record(r, J, kinds), _record(r, wide, kinds))
     np.testing.assert_allclose(p, found.p_alone[0], rtol=1e-6)
     assert p_of_refit(_record(r, J, kinds), _record(r[1:], wide[1:], kinds[1:])) is None
+
+
+def test_the_mode_whose_residuals_a_refit_explains() -> None:
+    """Of three modes the last has nearly all of χ², and all of its decrease; the prior of a parameter is no mode."""
+    modes = ("1", "1", "2", "2", "3", "3", "k")
+    record = replace(
+        _record(np.array([0.1, 0.1, 0.2, 0.1, 4.0, 3.0, 9.0]), np.zeros((7, 0)), ("shape",) * 7),
+        modes=modes, configurations=("free",) * 7, roles=("data",) * 6 + ("prior",),
+    )  # fmt: skip
+    after = np.array([0.3, 0.1, 0.2, 0.5, 2.0, 2.0, 9.0])
+    assert mode_with_most(record, after) is None, "the prior is most of χ²"
+    record = replace(record, r=np.array([*record.r[:6], 0.0]))
+    after[6] = 0.0
+    assert mode_with_most(record, after) == ("free", "3", 25.0, 8.0)
+    # what is lowered is another mode
+    assert mode_with_most(record, np.array([0.1, 0.1, 0.0, 0.0, 4.0, 3.0, 0.0])) is None
+    # a refit that lowers nothing
+    assert mode_with_most(record, record.r) is None
+    two = replace(record, modes=("1",) * 4 + ("3", "3", "k"))
+    assert mode_with_most(two, after) is None
+
+
+def test_the_errors_of_all_modes_are_those_of_none() -> None:
+    random, n = np.random.default_rng(3), 60
+    record = replace(
+        _record(random.normal(size=n), np.zeros((n, 0)), ("shape",) * n),
+        modes=tuple(str(i // 10) for i in range(n)), configurations=("",) * n,
+    )  # fmt: skip
+    assert mode_with_most(record, 0.5 * record.r) is None

@@ -55,6 +55,22 @@ def test_reason_of_a_confirmed_field() -> None:
     assert "an increase by 10 % lowers χ² from 300 to 90" in said
 
 
+def test_a_field_that_explains_one_mode_stands_beside_the_mode() -> None:
+    of_one = {"mode": "8 (free)", "mode_before": 290.0, "mode_after": 60.0}
+    refit = _refit(1e-6).model_copy(update=of_one)
+    (one,) = _found(0.001, _field(refit=refit))
+    assert one.weight == "not accepted"
+    assert one.brief == "test mode 8 (free) is doubtful, or PSHELL 2 T is wrong and is not a parameter"
+    assert "an increase by 10 % lowers χ² from 300 to 90, and 290 of 300 are of this mode" in one.sentence
+    (one,) = _found(0.001, _field(refit=_refit(1e-6, at_bound=True).model_copy(update=of_one)))
+    assert "an increase by 10 %, the limit of its usual range, lowers χ²" in one.sentence
+    mass = _field(largest_mass=0.5, mass_unit="kg", field="mass", place="at grid point 306", refit=refit)
+    assert _found(0.001, mass)[0].brief == "test mode 8 (free) is doubtful, or a mass is missing at grid point 306"
+    support = _field(stiffness=4e5, field="support", place="at grid point 102 in DOF 2", refit=refit)
+    brief = _found(0.001, support)[0].brief
+    assert brief == "test mode 8 (free) is doubtful, or the support at grid point 102 in DOF 2 gives way"
+
+
 def test_what_is_not_confirmed_is_a_reservation() -> None:
     for p, field in (
         (0.001, _field()), (0.001, _field(refit=_refit(0.2))), (0.001, _field(refit=_refit(None))),

@@ -39,6 +39,10 @@ LEAST_SIZE = 0.01
 """Errors relative to the stated standard deviations below which residuals say nothing of the model. They are then the
 digits of the data, or of the iterations, which no noise resembles: a value that is compared to three digits is written
 with five or six. Nobody acts on a field that explains a hundredth of a standard deviation."""
+MOST_OF_ONE = 0.5
+"""Part of χ², and of its decrease by a refit, from which they are said to be those of one mode."""
+_FEWEST_MODES = 3
+"""Modes that are compared: of two, one has more than half of χ² anyway."""
 _ROUNDING = 1e-6
 """Of degrees of freedom."""
 _NO_EFFECT = 1e-9
@@ -170,6 +174,33 @@ def p_of_refit(before: Whitened, after: Whitened) -> float | None:
     least, first = (float(np.sum(record.across(record.r) ** 2)) for record in (weighted, _divided(before, size)))
     variance = max(least / degrees, 1.0) if smallest else least / degrees
     return float(fdtrc(1.0, degrees, max(first - least, 0.0) / variance))
+
+
+def mode_with_most(record: Whitened, after: Reals) -> tuple[str, str, float, float] | None:
+    """The mode whose residuals are most of χ², and most of what a refit lowers χ² by.
+
+    Either the field of the refit or that one mode is wrong: a mode that was identified badly has residuals that some
+    field explains in part.
+
+    Parameters
+    ----------
+    after : (n,) residuals of the refit, in the rows of the record
+
+    Returns
+    -------
+    Its configuration and label, and its part of χ² before and after; None without such a mode
+    """
+    rows: dict[tuple[str, str], list[int]] = {}
+    for i, (name, mode, role) in enumerate(zip(record.configurations, record.modes, record.roles)):
+        if mode and role != PRIOR:
+            rows.setdefault((name, mode), []).append(i)
+    if len(rows) < _FEWEST_MODES:
+        return None
+    before, now = record.r**2, after**2
+    (name, mode), at = max(rows.items(), key=lambda item: float(before[item[1]].sum()))
+    own, left = float(before[at].sum()), float(now[at].sum())
+    most = own >= MOST_OF_ONE * before.sum() and own - left >= MOST_OF_ONE * (before.sum() - now.sum()) > 0.0
+    return (name, mode, own, left) if most else None
 
 
 def _sizes(record: Whitened) -> tuple[Reals, frozenset[str]]:

@@ -54,6 +54,9 @@ def blocks_of(found: MissingResults, arrays: Mapping[str, NDArray]) -> Iterable[
         "of the number of fields, and of the two other tests of the fit. A change beyond the usual range is not shown. "
         f"χ² without any of them: {short(found.chi_square)}."
     )
+    alone = next((f.refit for f in found.fields if f.refit is not None and f.refit.mode), None)
+    if alone is not None:
+        note += f" {short(alone.mode_before)} of it are of test mode {alone.mode}: a mode that is wrong looks the same."
     yield Table("", heads, tuple(_row(f)[: len(heads)] for f in found.fields), note)
     if found.corners_key is not None and found.gain_key is not None:
         yield Figure(

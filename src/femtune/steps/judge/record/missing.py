@@ -27,6 +27,13 @@ class RefittedField(Record):
     p_value: float | None
     """Probability that noise lowers χ² as much, by the F test with the scales of the kinds; None if other modes are
     compared."""
+    mode: str = ""
+    """The test mode, with its configuration in brackets, whose residuals are most of χ² and of its decrease; "" where
+    no mode has so much."""
+    mode_before: float | None = None
+    """Its part of χ² at the end of the update; None without such a mode."""
+    mode_after: float | None = None
+    """Its part of `chi_square`."""
 
 
 class MissingField(Record):
