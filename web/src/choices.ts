@@ -30,6 +30,12 @@ export function turn(chosen: Chosen, test: string, model: number): State {
   return "fixed";
 }
 
+/** What else a pair that is never made forbids, in a sentence; "" where its model mode is not one of close ones. */
+export function alsoForbidden(of: ModeChoices, test: string, model: number): string {
+  const close = of.close.find((modes) => modes.includes(model));
+  return close ? ` Model modes ${close.slice(0, -1).join(", ")} and ${close[close.length - 1]} are close and are compared as one subspace: test mode ${test} will be paired with none of them.` : "";
+}
+
 const factor = (value: number) => { const text = String(Number(value.toPrecision(12))); return /[.e]/.test(text) ? text : `${text}.0`; };
 
 /** The file of the choices. A mode that is left out without a reason is not in it. */
@@ -84,10 +90,11 @@ export class Chooser {
       this.fillFields();
       this.told.textContent = "The choices are those of the study.";
     };
+    const kept = data.kept.length ? ` The file of choices cannot have ${data.kept.join(", ")} (several fields, a unit, a tie, or some elements only): femtune run and femtune correlate keep them from the study, and femtune init does not write them.` : "";
     this.element = h("div", { class: "chooser", role: "group", "aria-label": "Choices by hand" },
       h("p", { class: "note" }, "Choices go into a file that femtune run, femtune correlate and femtune init take with --choices. They are refused if the deck or a test has changed since, or the model mode of a pair. A pair, a mode or a sensor that the study file itself states and that is taken back here is not in the file: delete it in the study."),
       h("div", { class: "controls" }, this.configuration.label), this.modes,
-      ...(data.fields.length ? [h("fieldset", {}, h("legend", {}, "Parameters: fields of the deck"), h("p", { class: "note" }, `${this.picture ? "A click on a part of the structure shows its fields; parts with a parameter are orange. " : ""}A parameter that stands in the study itself stays one.`),
+      ...(data.fields.length ? [h("fieldset", {}, h("legend", {}, "Parameters: fields of the deck"), h("p", { class: "note" }, `${this.picture ? "A click on a part of the structure shows its fields; parts with a parameter are orange. " : ""}A parameter that stands in the study itself stays one.${kept}`),
         ...(this.picture ? [h("div", { class: "by-part" }, this.picture.element, this.ofPart), h("details", {}, h("summary", {}, `All ${data.fields.length} fields`), this.list)] : [this.list]))] : []),
       h("div", { class: "tools" }, button("Save choices.toml", () => save("choices.toml", new Blob([this.text.value], { type: "application/toml" }))),
         button("Copy", () => void this.copy()), button("As in the study", begin)),
@@ -129,7 +136,7 @@ export class Chooser {
       this.fill();
       // the matrix is a new one: the focus stays on its cell
       this.last!.focus(row, column);
-      this.told.textContent = `Test mode ${test} and model mode ${model}: ${WORDS[state]}.`;
+      this.told.textContent = `Test mode ${test} and model mode ${model}: ${WORDS[state]}.${state === "never" ? alsoForbidden(of, test, model) : ""}`;
     });
     this.last = made;
     return made;

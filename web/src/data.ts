@@ -61,10 +61,10 @@ export interface Live {
 }
 export interface ModeChoices {
   configuration: string; test_labels: string[]; test_freq_hz: number[]; numbers: number[]; model_freq_hz: number[]; mac: Packed;
-  pairs: [string, number][]; fixed: [string, number][]; never: [string, number][]; left_out: [string, string][]; sensors: string[]; off: string[];
+  pairs: [string, number][]; fixed: [string, number][]; never: [string, number][]; close: number[][]; left_out: [string, string][]; sensors: string[]; off: string[];
 }
 export interface FieldChoice { name: string; field: string; what: string; value: number; lower: number; upper: number; chosen: boolean }
-export interface Choices { inputs: { path: string; sha256: string }[]; configurations: ModeChoices[]; fields: FieldChoice[] }
+export interface Choices { inputs: { path: string; sha256: string }[]; configurations: ModeChoices[]; fields: FieldChoice[]; kept: string[] }
 export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null; stabilisation: Stabilisation | null; live: Live | null; choices: Choices | null }
 
 const BYTES = { u1: 1, u2: 2, u4: 4, i1: 1, i2: 2, f4: 4, f8: 8 };

@@ -258,7 +258,8 @@ class ModeChoicesView:
     """Pairs of modes, modes and sensors of a configuration at the initial values.
 
     `mac` is (test modes, model modes), −1 where it is not known; `pairs` are those of the run, of which `fixed` are
-    prescribed; pairs are a label of a test mode and a number of a model mode. `left_out` are labels with reasons.
+    prescribed; pairs are a label of a test mode and a number of a model mode. `close` are numbers of close model modes,
+    which are paired or not paired together. `left_out` are labels with reasons.
     """
 
     configuration: str
@@ -270,6 +271,7 @@ class ModeChoicesView:
     pairs: tuple[tuple[str, int], ...]
     fixed: tuple[tuple[str, int], ...]
     never: tuple[tuple[str, int], ...]
+    close: tuple[tuple[int, ...], ...]
     left_out: tuple[tuple[str, str], ...]
     sensors: tuple[str, ...]
     off: tuple[str, ...]
@@ -295,6 +297,8 @@ class ChoicesView:
     inputs: tuple[InputView, ...]
     configurations: tuple[ModeChoicesView, ...]
     fields: tuple[FieldChoiceView, ...]
+    kept: tuple[str, ...]
+    """Parameters of the study that the file of choices has no table for."""
 
 
 @dataclass(frozen=True)

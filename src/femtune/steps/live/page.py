@@ -220,7 +220,7 @@ def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurat
 
 def _functions(source: ReportSource, f: LiveFunctions) -> LiveFunctionsView:
     test = _array(source, f.test_values_key)
-    note = f"Damping of the model: {f.damping}. " + (f"Every {f.every}th line is shown." if f.every > 1 else "")
+    note = f"Damping of the model: {f.damping}. " + (f"One of {f.every} lines is shown." if f.every > 1 else "")
     found = (("region", f.region), ("bounds", f.bounds))
     return LiveFunctionsView(
         kind=f.kind, ordinate=f.kind.capitalize() + (f", {f.unit}" if f.unit else ""), look=f.look, outputs=f.outputs,

@@ -33,7 +33,10 @@ def choices_view(source: ReportSource) -> ChoicesView | None:
     )
     if not inputs:
         return None
-    return ChoicesView(inputs, tuple(_modes(source, c) for c in compared), tuple(_fields(source)))
+    fields = _fields(source)
+    chosen = {one.name for one in fields if one.chosen}
+    kept = tuple(p.name for p in results.parameters if p.name not in chosen)
+    return ChoicesView(inputs, tuple(_modes(source, c) for c in compared), tuple(fields), kept)
 
 
 def _modes(source: ReportSource, c: CorrelationResults) -> ModeChoicesView:
@@ -53,6 +56,7 @@ def _modes(source: ReportSource, c: CorrelationResults) -> ModeChoicesView:
         pairs=tuple((p.test_label, p.model_number) for p in c.pairs),
         fixed=tuple((p.test_label, p.model_number) for p in c.pairs if p.fixed_by_hand),
         never=tuple((p.test_label, p.model_number) for p in c.never_pairs),
+        close=c.close_modes,
         left_out=tuple((m.test_label, m.reason) for m in c.left_out if m.test_label in c.mac_test_labels),
         sensors=tuple(one.test_dof for s in sensors for one in s.matched) + off,
         off=off,
