@@ -12,7 +12,7 @@ from femtune import identify
 from femtune.identification.late_forces import late_force
 from femtune.modal import TimeSeries
 
-from .test_hammer import CHANNELS, RATE, codes, measured, written
+from .hits import CHANNELS, RATE, codes, measured, written
 
 FREQ = np.array([6.8, 18.7, 29.8, 34.9, 42.8])
 STEP_S = 1.0 / 256.0

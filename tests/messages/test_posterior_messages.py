@@ -77,7 +77,8 @@ def test_what_limits_samples_is_told() -> None:
         "surrogate_error": 0.2, "effective": 900.0, "draws": 1000, "failed": 0, "gradient_solutions": 60,
         "plain_solutions": 1200,
         "full_model_error": None, "left_out": (), "noise_levels": (),
-        "changes_not_settled": "", "frequencies": (), "predictions": 200, "predictions_failed": 0,
+        "changes_not_settled": "", "frequencies": (), "unused_chance": None, "predictions": 200,
+        "predictions_failed": 0,
     }  # fmt: skip
     assert not list(limits_of(PosteriorResults.model_construct(**fine)))
     limits = {
@@ -85,7 +86,8 @@ def test_what_limits_samples_is_told() -> None:
         "slow-chains": {"r_hat": 1.042}, "few-effective": {"effective": 180.0}, "rough": {"surrogate_error": 2.3},
         "failed": {"failed": 40},
         "reduced-model": {"full_model_error": 0.9}, "left-out": {"left_out": ("MAC: its errors are squares",)},
-        "prediction-missed": {"frequencies": (missed, missed)}, "predictions-failed": {"predictions_failed": 12},
+        "prediction-missed": {"frequencies": (missed, missed), "unused_chance": 0.005},
+        "predictions-failed": {"predictions_failed": 12},
         "noise-as-stated": {"noise_levels": (noise,)},
         "changes-not-settled": {
             "changes_not_settled": "the changes that the data want still moved after 8 linearisations"

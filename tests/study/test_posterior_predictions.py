@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import femtune as ft
 from femtune.journal.run_files import PREDICTIONS_FILE
 from femtune.model import Configuration
 from femtune.sampling import Likelihood, NoiseGroup, NuisanceClass
 from femtune.steps.posterior.model_errors import ModelErrors
+from femtune.steps.posterior.predictions import joint_chance
 from structures.wrong_property import FRAME
 
 from .cantilever import EI, TRUE, Bench, measured
@@ -79,6 +83,52 @@ def test_what_the_data_do_not_see_has_the_deviation_of_its_class() -> None:
     assert log == pytest.approx(0.5 * np.log(5e-4 * 1.0) - 0.4, abs=0.5)
 
 
+@pytest.mark.parametrize("m", [1, 4, 12])
+def test_the_joint_chance_has_the_level_and_the_power_of_hotellings_test(m: int) -> None:
+    """Frequencies that have most of their scatter in common, from 200 samples; one value is off in the second half."""
+    rng, n, trials = np.random.default_rng(m), 200, 500
+    covariance = 0.8 * np.ones((m, m)) + 0.2 * np.eye(m)
+    root, off = np.linalg.cholesky(covariance), 2.5
+    right, wrong = 0, 0
+    for _ in range(trials):
+        y = rng.standard_normal((n, m)) @ root.T
+        true = root @ rng.standard_normal(m)
+        right += (joint_chance(y, true) or 1.0) < 0.01
+        true[0] += off
+        wrong += (joint_chance(y, true) or 1.0) < 0.01
+    # in 500 trials at 1 % more than thirteen have a probability of 0.1 %
+    assert right <= 13
+    beyond = off**2 * np.linalg.inv(covariance)[0, 0] * n / (n + 1)
+    power = stats.ncf.sf(stats.f.isf(0.01, m, n - m), m, n - m, beyond)
+    assert wrong / trials == pytest.approx(power, abs=0.07)
+
+
+def test_each_sample_is_held_against_the_others() -> None:
+    y = np.random.default_rng(5).standard_normal((40, 3))
+    value = y[0] * 2.0
+
+    def distance(one: np.ndarray, others: np.ndarray) -> float:
+        away = one - others.mean(axis=0)
+        return float(away @ np.linalg.solve(np.cov(others.T), away))
+
+    own = distance(value, y)
+    beyond = sum(distance(one, np.delete(y, i, axis=0)) >= own for i, one in enumerate(y))
+    assert 0 < beyond < 40
+    assert joint_chance(y, value) == (1 + beyond) / 41
+
+
+def test_values_in_common_count_once() -> None:
+    """Two equal frequencies that are off together are no rarer than one; apart they are."""
+    rng = np.random.default_rng(0)
+    common = rng.standard_normal((200, 1)) @ np.ones((1, 2)) + 0.05 * rng.standard_normal((200, 2))
+    together, apart = joint_chance(common, np.array([2.2, 2.2])), joint_chance(common, np.array([1.0, -1.0]))
+    assert together is not None
+    assert apart is not None
+    assert together > 0.02
+    assert apart < 0.01
+    assert joint_chance(common[:10], np.zeros(2)) is None
+
+
 @pytest.mark.slow
 def test_predicted_frequencies_in_closed_form(bench: Bench) -> None:
     """One stiffness of the whole beam: all frequencies have half of its relative deviation."""
@@ -120,17 +170,39 @@ def test_predicted_frequencies_in_closed_form(bench: Bench) -> None:
     page = run.report.read_text(encoding="utf-8") if run.report else ""
     assert "Predicted frequencies" in page
     assert "median and 95 % band of the magnitude" in page
-    # what was solved is not solved again
+
+
+@pytest.mark.slow
+def test_predictions_of_an_earlier_run_are_taken_if_they_are_of_the_same_model(bench: Bench) -> None:
+    bench.write("beam.bdf", bench.text)
+    bench.uff(bench.measure(bench.truth(())))
+    study = bench.study(TWO + ONE + ASKED + 'discrepancy = "none"\n' + RESPONSE, test=None)
+    run = ft.posterior(study)
+    record = run.results.posterior
+    assert record is not None
+    band = run.arrays[record.functions[1].band_key]
+    # what was solved is not solved again, and what is no solution is; in other processes too
     file = run.folder / PREDICTIONS_FILE
     content = file.read_bytes()
     lines = content.splitlines(keepends=True)
-    file.write_bytes(b"".join(lines[:100]))
-    again = ft.posterior(study)
+    first = json.loads(lines[1])
+    short = json.dumps({**first, "hz": first["hz"][:16]}).encode() + b"\n"
+    file.write_bytes(b"".join([lines[0], short, *lines[2:100]]))
+    again = ft.posterior(study, jobs=2)
     other = again.results.posterior
     assert other is not None
     assert other.frequencies == record.frequencies
-    assert file.read_bytes() == content
-    np.testing.assert_array_equal(again.arrays[of_light.band_key], band)
+    kept = [json.loads(line) for line in file.read_bytes().splitlines()[1:]]
+    assert {line["run"]: line["hz"] for line in kept} == {
+        line["run"]: line["hz"] for line in map(json.loads, lines[1:])
+    }
+    np.testing.assert_array_equal(again.arrays[record.functions[1].band_key], band)
+    # FRFs with other damping are others, though the matrices are the same
+    text = study.read_text(encoding="utf-8")
+    study.write_text(text.replace("ratio = 0.02", "ratio = 0.04"), encoding="utf-8")
+    damped = ft.posterior(study)
+    peaks = damped.arrays[record.functions[1].band_key][1].max() / band[1].max()
+    assert peaks == pytest.approx(0.5, abs=0.25)
 
 
 def modes_without_mass(deck: Path) -> np.ndarray:
@@ -175,26 +247,34 @@ def test_a_mode_that_was_not_used_is_named(bench: Bench) -> None:
     unused = [f for f in record.frequencies if f.test_mode in ("5", "6")]
     assert [(f.used, f.measured_inside) for f in unused] == [(False, True), (False, True)]
     assert any("Of 2 measured frequencies that the update did not use, 2 are in" in s for s in record.sentences)
+    assert record.unused_chance is not None
+    assert record.unused_chance > 0.01
+    assert "posterior.prediction-missed" not in [a.code for a in record.alerts]
+    # a mode that was not used and is 15 % off is found
+    test = measured(bench.truth(TRUE), count=6)
+    wrong = replace(test.modes, freq_hz=test.modes.freq_hz * np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.15]))
+    bench.uff(replace(test, modes=wrong))
+    record = ft.posterior(bench.study(EI + ASKED + 'discrepancy = "none"\n' + held)).results.posterior
+    assert record is not None
+    assert "posterior.prediction-missed" in [a.code for a in record.alerts]
 
 
 @pytest.mark.slow
 def test_predictions_contain_errors_of_the_model(tmp_path: Path) -> None:
-    """Unmeasured frequencies of a frame with one stiffness 20 % off: with errors of the data alone some are missed."""
-    truth = {"PBAR 1 I2": 1.1, "PBAR 3 I2": 0.9, "PBAR 4 I2": 1.15, "PBAR 2 I2": 1.2}
-    study = FRAME.study(tmp_path, truth)
+    """A frame with one stiffness 20 % off: frequencies that nothing measured, with and without errors of the model."""
+    study = FRAME.study(tmp_path, {"PBAR 1 I2": 1.1, "PBAR 3 I2": 0.9, "PBAR 4 I2": 1.15, "PBAR 2 I2": 1.2})
     rules = {"noise": "stated", "draws": 120, "starts": 0, "seed": 3, "predictions": 80}
-    widths = {}
+    true = np.ravel(ft.modes(tmp_path / "true.bdf", units="m-kg-s", count=FRAME.modes + 5).freq_hz)
+    hits: dict[str, list[bool]] = {}
     for discrepancy in ("properties", "none"):
         found = ft.posterior(study, posterior=rules | {"discrepancy": discrepancy}, update={"look_further": False})
         record = found.results.posterior
         assert record is not None
-        widths[discrepancy] = {
-            (f.configuration, f.mode): (f.interval_95[1] - f.interval_95[0]) / f.value_hz for f in record.frequencies
-        }
-    both = set(widths["properties"]) & set(widths["none"])
-    assert both
-    unmeasured = [widths["properties"][key] / widths["none"][key] for key in both]
-    assert np.median(unmeasured) > 1.1
+        unmeasured = [f for f in record.frequencies if f.test_mode is None and f.mode <= len(true)]
+        hits[discrepancy] = [f.interval_95[0] <= true[f.mode - 1] <= f.interval_95[1] for f in unmeasured]
+    assert len(hits["properties"]) >= 4
+    assert all(hits["properties"])
+    assert not all(hits["none"])
 
 
 @pytest.mark.slow

@@ -34,8 +34,10 @@ FLAT = 3
 """Equal samples in a row at the largest value of a channel, from which the channel was overloaded in a hit."""
 LEAST_HITS = 3
 """Hits from which their scatter gives the noise of the functions."""
-FINE, VERY_FINE = 1e-4, 1e-5
-"""Steps of a channel by its largest value, up to which three or two hits have the same peak by a limit only."""
+FINE = 1e-4
+"""Steps of a channel by its largest value, up to which three hits have the same peak by a limit only."""
+VERY_FINE = 1e-5
+"""The same for two hits."""
 LEAST_LIMIT = 0.3
 """Distance of a limit of a channel from its value at rest, relative to its largest distance from it."""
 QUIET = 2e-6

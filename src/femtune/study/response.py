@@ -283,10 +283,15 @@ def solved_frfs(
         )  # fmt: skip
         return np.ascontiguousarray(solved.frfs.values), solved.error
 
-    form = Form("frf", _of_values, partial(_values, shape))
-    parts = (table.kind, request.method, table.residual_vectors, request.freq_hz, *_of_ports(ports))
+    return _obtained(study, Form("frf", _of_values, partial(_values, shape)), parts_of_frfs(request, point), solve)
+
+
+def parts_of_frfs(request: ResponseRequest, point: ModelPoint) -> tuple[Part, ...]:
+    """All that FRFs of a model point depend on."""
+    table = request.table
+    parts = (table.kind, request.method, table.residual_vectors, request.freq_hz, *_of_ports(request.ports))
     # the same number of modes may be what the lines need, to which vectors are added, or what the study states
-    return _obtained(study, form, (_matrices(point), *_chosen(request, point), request.limit, *parts), solve)
+    return (_matrices(point), *_chosen(request, point), request.limit, *parts)
 
 
 def solved_poles(

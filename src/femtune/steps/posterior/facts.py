@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import binom
 
 from femtune.document.numbers import counted, interval, listed
 from femtune.sampling import GOOD_ERROR, bends, weighted_quantiles
@@ -59,10 +58,8 @@ _FEWEST = 400.0
 """Effective samples below which ends of 95 % intervals vary by 0.13 standard deviations or more."""
 
 
-_OUTSIDE = 0.05
-"""Part of measured frequencies that is outside of 95 % intervals by chance."""
 _RARE = 0.01
-"""Probability by chance of as many measured frequencies outside, below which a warning is given."""
+"""Part of the samples that are as far from the others as measured frequencies, below which a warning is given."""
 _MOST_WANTED = 5
 """Changes that are listed."""
 _WIDER = 1.1
@@ -150,7 +147,8 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
         drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
         stages=s.stages, further=facts.further, further_sd=table.further_sd,
         predictions=facts.predictions.asked, predictions_failed=facts.predictions.failed,
-        frequencies=facts.predictions.frequencies, functions=facts.predictions.functions,
+        frequencies=facts.predictions.frequencies, unused_chance=facts.predictions.chance,
+        functions=facts.predictions.functions,
         log_evidence=s.log_evidence, log_evidence_sd=s.log_evidence_sd, gradient_solutions=s.gradients,
         plain_solutions=s.plain, failed=s.failed, paired_anew_percent=100.0 * anew, recalled=facts.recalled,
         seconds=facts.seconds, executor=facts.executor, parameters=estimates, free=facts.names, noise_levels=noise,
@@ -380,8 +378,9 @@ def limits_of(record: PosteriorResults) -> Iterator[Alert]:
     if record.full_model_error is not None and record.full_model_error > _LARGE_FULL_ERROR:
         yield alert("warning", "posterior.reduced-model", sd=record.full_model_error)
     unused, outside = _unused(record)
-    if binom.sf(len(outside) - 1, len(unused), _OUTSIDE) < _RARE:
-        yield alert("warning", "posterior.prediction-missed", outside=len(outside), unused=len(unused))
+    if record.unused_chance is not None and record.unused_chance < _RARE:
+        percent = 100.0 * record.unused_chance
+        yield alert("warning", "posterior.prediction-missed", percent=percent, outside=len(outside), unused=len(unused))
     if record.predictions_failed > _MOST_FAILED * record.predictions:
         yield alert(
             "info", "posterior.predictions-failed", failed=record.predictions_failed, predictions=record.predictions

@@ -35,9 +35,9 @@ _SAMPLES = 200
 """Samples at which the frequencies are solved: a standard deviation is then known to a twentieth."""
 MOST_DOFS = 20_000
 """Free DOFs up to which these solutions are made without being asked for: minutes."""
-_LEAST_SOLVED = 0.5
+LEAST_SOLVED = 0.5
 """Part of the samples at which the model must have a solution."""
-_LEAST_MAC = 0.5
+LEAST_MAC = 0.5
 """MAC with the shape at the result below which a mode is not followed: a test could not tell which one it is."""
 
 
@@ -87,10 +87,10 @@ def _of(
         FrequencyRuns((followed,)), list(every), executor_of(study), progress, f"posterior: modes of {case.name}"
     )
     good = np.array([not run.problem for run in runs])[where]
-    if good.mean() < _LEAST_SOLVED:
+    if good.mean() < LEAST_SOLVED:
         return f"the model could not be solved at {np.sum(~good)} of {_SAMPLES} samples"
     hz = np.array([run.values for run in runs])[where][good]
-    kept = np.array([run.mac for run in runs])[where][good].min(axis=0) >= _LEAST_MAC
+    kept = np.array([run.mac for run in runs])[where][good].min(axis=0) >= LEAST_MAC
     if not kept.any():
         return "no mode could be followed through the samples"
     y = np.log(hz[:, kept])

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import numpy as np
 
 from femtune.executor import finish
 from femtune.steps.run_folder import unwritable
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from femtune.errors import Notice
     from femtune.executor import Executor
     from femtune.journal.finished import FinishedRuns
@@ -17,6 +22,19 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 R = TypeVar("R")
+
+
+def as_text(values: NDArray[Any]) -> str:
+    """Floating-point numbers as text in a line of JSON, to the last bit."""
+    return base64.b64encode(np.ascontiguousarray(values, f"<f{values.itemsize}").tobytes()).decode()
+
+
+def from_text(text: str, count: int, kind: str = "<f8") -> NDArray[Any]:
+    """So many finite numbers from their text (error ValueError)."""
+    values = np.frombuffer(base64.b64decode(text, validate=True), kind)
+    if len(values) != count or not np.isfinite(values).all():
+        raise ValueError(f"{len(values)} numbers instead of {count}, or some that are not finite")
+    return values.astype(values.dtype.newbyteorder("="))
 
 
 @dataclass(eq=False)

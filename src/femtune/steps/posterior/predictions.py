@@ -7,13 +7,14 @@ solved at (x, q), not linearised.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femtune import __version__
 from femtune.errors import FemtuneError
 from femtune.journal.finished import FinishedRuns
 from femtune.journal.run_files import PREDICTIONS_FILE
@@ -22,13 +23,14 @@ from femtune.model import configure, digest, matrices_digest
 from femtune.model.full_model import direct
 from femtune.model.response import frf_with_error
 from femtune.steps.correlate.facts import correlate_case
-from femtune.steps.posterior.kept import KeptSolutions
+from femtune.steps.posterior.further import LEAST_MAC, LEAST_SOLVED, MOST_DOFS
+from femtune.steps.posterior.kept import KeptSolutions, as_text, from_text
 from femtune.steps.posterior.model_errors import SUPPORTS
 from femtune.steps.posterior.problem import completed
 from femtune.steps.posterior.record import PosteriorFrequency, PosteriorFunctions
 from femtune.steps.validate.facts import scatter_of_test
 from femtune.study.model_runs import followed_from
-from femtune.study.response import response_request
+from femtune.study.response import parts_of_frfs, response_request
 from femtune.study.solved import solve
 
 if TYPE_CHECKING:
@@ -40,8 +42,10 @@ if TYPE_CHECKING:
     from femtune.arrays import Integers, Reals
     from femtune.executor import Executor
     from femtune.files.study_file import PosteriorTable
-    from femtune.model import ConfiguredModel, EigenSolution
-    from femtune.model.digests import Part
+    from femtune.modal.kinds import FrfKind
+    from femtune.model import EigenSolution, ModalDamping
+    from femtune.model.kinds import FrfMethod
+    from femtune.model.response import Ports
     from femtune.sampling import Likelihood, PosteriorSamples
     from femtune.steps.posterior.model_errors import ModelErrors, UnknownChanges
     from femtune.study.cases import StudyCase
@@ -50,31 +54,35 @@ if TYPE_CHECKING:
     from femtune.study.response import ResponseRequest
     from femtune.study.study import Study
 
-MOST_DOFS = 20_000
-"""Free DOFs up to which these solutions are made without being asked for: minutes."""
-_LEAST_MAC = 0.5
-"""MAC with the shape at the result below which a mode is not followed."""
 _MOST_LOST = 0.05
 """Part of the samples at which a mode may not be followed: with more the ends of its interval are not known."""
-_LEAST_SOLVED = 0.5
-"""Part of the samples at which the model must have a solution."""
 MOST_VALUES = 100_000
 """Values of the FRFs of a configuration at a sample: 80 MB for 200 samples in single precision."""
 _LEAST_COMMON = 0.5
 """Part of the lines that the test has too, below which measured values are not counted."""
 _SAME_LINE = 1e-6
 """Relative distance of two lines that are one but for the rounding of a file."""
+_LEAST_OF_COVARIANCE = 5
+"""Samples for each value and one more, from which a covariance is estimated."""
 _ENDS = np.array([0.025, 0.5, 0.975])
 
 
 @dataclass(frozen=True, eq=False)
 class SampledPredictions:
-    """Records of what the model predicts, the number of samples and of those without a solution, and remarks."""
+    """What the model predicts.
+
+    Parameters
+    ----------
+    asked, failed : number of samples, and of those without a solution
+    chance : that measured frequencies which were not used are together as far from what is predicted (`joint_chance`)
+    remarks : what is not predicted, and why
+    """
 
     frequencies: tuple[PosteriorFrequency, ...] = ()
     functions: tuple[PosteriorFunctions, ...] = ()
     asked: int = 0
     failed: int = 0
+    chance: float | None = None
     remarks: tuple[str, ...] = ()
 
 
@@ -84,25 +92,42 @@ class SampledPredictions:
 
 @dataclass(frozen=True, eq=False)
 class _Functions:
-    """FRFs that are predicted: the request without its study."""
+    """FRFs of a configuration, with all that can be sent to another process."""
 
-    request: ResponseRequest
+    ports: Ports
+    freq_hz: Reals
+    kind: FrfKind
+    method: FrfMethod
+    damping: ModalDamping | None
+    residual_vectors: bool
+    add_vectors: bool
+    needs_modes: bool
+    modes: tuple[int | None, float | None]
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {"request": replace(self.request, case=None, measured=None)}  # type: ignore[arg-type]
-
-    def sizes(self, configured: ConfiguredModel, x: Reals, solution: EigenSolution) -> Reals:
-        """|H| (outputs, inputs, lines)."""
-        r, (count, _) = self.request, self.request.modes
-        if not r.needs_modes:
-            model: Any = configured.at(x)
-        else:
-            model = solution if count is None else direct.modes(configured.at(x), count, None)
-        solved = frf_with_error(
-            model, r.ports, r.freq_hz, r.table.kind, r.method, damping=r.damping,
-            residual_vectors=r.table.residual_vectors, add_vectors=not r.limit,
+    @staticmethod
+    def of(request: ResponseRequest) -> _Functions:
+        """Those of a request."""
+        table = request.table
+        return _Functions(
+            request.ports, request.freq_hz, table.kind, request.method, request.damping, table.residual_vectors,
+            not request.limit, request.needs_modes, request.modes,
         )  # fmt: skip
-        return np.abs(solved.frfs.values)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Outputs, inputs and lines."""
+        return self.ports.outputs.shape[0], self.ports.inputs.shape[1], len(self.freq_hz)
+
+    def sizes(self, solution: EigenSolution) -> Reals:
+        """|H| (outputs, inputs, lines)."""
+        point, (count, _) = solution.point, self.modes
+        solved = solution if count is None else direct.modes(point, count, None)
+        return np.abs(
+            frf_with_error(
+                solved if self.needs_modes else point, self.ports, self.freq_hz, self.kind, self.method,
+                damping=self.damping, residual_vectors=self.residual_vectors, add_vectors=self.add_vectors,
+            ).frfs.values
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,21 +138,16 @@ class _Predicted:
     functions: _Functions | None
 
     @property
-    def of_functions(self) -> tuple[Part, ...]:
-        """What |H| depends on beside the matrices."""
-        if self.functions is None:
-            return ()
-        r = self.functions.request
-        return (r.ports.inputs, r.ports.outputs, r.freq_hz, r.table.model_dump_json())
+    def values(self) -> int:
+        """Number of values of FRFs."""
+        return 0 if self.functions is None else int(np.prod(self.functions.shape))
 
     def at(self, x: Reals) -> tuple[Reals, Reals, Reals]:
         """Frequencies, MAC with the shapes at the result, and |H|."""
-        top = None if self.functions is None else self.functions.request.modes[1]
+        top = None if self.functions is None else self.functions.modes[1]
         solution = self.followed.solver.modes(self.followed.configured.at(x), self.followed.count, top)
         hz, mac = self.followed.among(solution)
-        if self.functions is None:
-            return hz, mac, np.zeros(0)
-        return hz, mac, self.functions.sizes(self.followed.configured, x, solution).ravel()
+        return hz, mac, np.zeros(0) if self.functions is None else self.functions.sizes(solution).ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,24 +176,41 @@ class _Model:
 
 
 def _line(solved: _Solved) -> Mapping[str, object]:
-    parts = {name: _text(getattr(solved, name)) for name in ("hz", "mac", "sizes")}
-    return {**parts, "problem": solved.problem}
+    return {**{name: as_text(getattr(solved, name)) for name in ("hz", "mac", "sizes")}, "problem": solved.problem}
 
 
-def _text(values: NDArray[Any]) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, f"<f{values.itemsize}").tobytes()).decode()
-
-
-def _of_line(line: Mapping[str, Any]) -> _Solved | None:
+def _of_line(modes: int, values: int, line: Mapping[str, Any]) -> _Solved | None:
+    """A solution with so many modes and values of FRFs; None for what is none, and is solved again."""
     try:
-        hz, mac = (np.frombuffer(base64.b64decode(line[name]), "<f8").astype(float) for name in ("hz", "mac"))
-        return _Solved(hz, mac, np.frombuffer(base64.b64decode(line["sizes"]), "<f4"), str(line["problem"]))
+        problem = str(line["problem"])
+        modes, values = (0, 0) if problem else (modes, values)
+        hz, mac = from_text(line["hz"], modes), from_text(line["mac"], modes)
+        return _Solved(hz, mac, from_text(line["sizes"], values, "<f4"), problem)
     except (ValueError, KeyError, TypeError):
         return None
 
 
 # ----------------------------------------------------------------------------------------------------
 # All draws.
+
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """A configuration, its modes at the result of the update, the request of its FRFs, and what is predicted of it."""
+
+    case: StudyCase
+    solution: EigenSolution
+    request: ResponseRequest | None
+    predicted: _Predicted
+
+
+@dataclass(frozen=True, eq=False)
+class _Frequency:
+    """A record, the frequency at the samples (n,), NaN where the mode is lost, and the relative error of its test."""
+
+    record: PosteriorFrequency
+    hz: Reals
+    sd: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,12 +248,11 @@ class Predicting:
         cases, remarks = self._cases()
         if not cases:
             return SampledPredictions(remarks=tuple(remarks))
-        points = self.drawn(samples, likelihood, moving)
-        model = _Model(tuple(p for *_, p in cases))
-        solved, kept = self._solved(model, points, folder)
+        solved, told = self._solved(cases, self.drawn(samples, likelihood, moving), folder)
+        remarks += told
         good = [one for one in solved if not one.problem]
         failed = len(solved) - len(good)
-        if len(good) < _LEAST_SOLVED * len(solved):
+        if len(good) < LEAST_SOLVED * len(solved):
             first = next(one.problem for one in solved if one.problem)
             remarks.append(
                 f"Nothing is predicted: the model could not be solved at {failed} of {len(solved)} samples ({first})."
@@ -225,8 +261,10 @@ class Predicting:
         if any(c.name == SUPPORTS for c in self.errors.classes):
             remarks.append("In the predictions the supports are those of the deck; that some give way is not in them.")
         found, functions, lost = self._records(cases, good, arrays)
-        remarks += [n.what for n in kept.remarks] + lost
-        return SampledPredictions(tuple(found), tuple(functions), len(solved), failed, tuple(remarks))
+        frequencies = tuple(one.record for one in found)
+        chance = self._chance([one for one in found if one.record.measured_hz is not None and not one.record.used])
+        remarks += lost
+        return SampledPredictions(frequencies, tuple(functions), len(solved), failed, chance, tuple(remarks))
 
     @property
     def table(self) -> PosteriorTable:
@@ -235,10 +273,9 @@ class Predicting:
         assert table is not None
         return table
 
-    def _cases(self) -> tuple[list[tuple[StudyCase, EigenSolution, _Predicted]], list[str]]:
+    def _cases(self) -> tuple[list[_Case], list[str]]:
         """Configurations that are predicted, and why others are not."""
-        cases: list[tuple[StudyCase, EigenSolution, _Predicted]] = []
-        remarks: list[str] = []
+        cases, remarks = list[_Case](), list[str]()
         if not self.table.predictions:
             return cases, remarks
         for case in self.study.cases:
@@ -254,9 +291,10 @@ class Predicting:
             except FemtuneError as error:
                 remarks.append(f"Nothing is predicted of {case.name}: {error.what}.")
                 continue
-            functions, why = self._functions(case)
+            request, why = self._request(case)
             remarks += [why] * bool(why)
-            cases.append((case, solution, _Predicted(self._widened(followed, case), functions)))
+            functions = None if request is None else _Functions.of(request)
+            cases.append(_Case(case, solution, request, _Predicted(self._widened(followed, case), functions)))
         return cases, remarks
 
     def drawn(self, samples: PosteriorSamples, likelihood: Likelihood, moving: Integers) -> Reals:
@@ -280,7 +318,7 @@ class Predicting:
         wide = widened(self.study.model, self.changes.factors, self.changes.masses)
         return replace(followed, configured=configure(wide, case.configured.configuration), solver=direct)
 
-    def _functions(self, case: StudyCase) -> tuple[_Functions | None, str]:
+    def _request(self, case: StudyCase) -> tuple[ResponseRequest | None, str]:
         """The FRFs of [response], and why there are none although it is there."""
         table = self.study.file.response
         if table is None:
@@ -295,81 +333,125 @@ class Predicting:
                 f"No FRFs are predicted of {case.name}: [response] asks for {count:,} values, and {MOST_VALUES:,} can "
                 "be kept of each sample; name fewer outputs, inputs or lines."
             )
-        return _Functions(request), ""
+        return request, ""
 
-    def _solved(self, model: _Model, points: Reals, folder: Path) -> tuple[list[_Solved], KeptSolutions[_Solved]]:
-        of_case = [
-            part
-            for p in model.predicted
-            for part in (matrices_digest(p.followed.configured.at(points[0])), p.followed.shapes, *p.of_functions)
-        ]
-        file = FinishedRuns(folder / PREDICTIONS_FILE, digest(points, *of_case))
-        kept = KeptSolutions(self.executor, file, self.progress, _line, _of_line)
+    def _solved(self, cases: Sequence[_Case], points: Reals, folder: Path) -> tuple[list[_Solved], tuple[str, ...]]:
+        """The model at the points, from the journal of an earlier run as far as it has them; and remarks."""
+        depends = [__version__, digest(points)]
+        for one in cases:
+            point = one.predicted.followed.configured.at(points[0])
+            of_frfs = () if one.request is None else parts_of_frfs(one.request, point)
+            depends += [digest(matrices_digest(point), one.predicted.followed.shapes, *of_frfs)]
+        file = FinishedRuns(folder / PREDICTIONS_FILE, digest(*depends))
+        model = _Model(tuple(one.predicted for one in cases))
+        size = sum(len(p.followed.numbers) for p in model.predicted), sum(p.values for p in model.predicted)
+        kept = KeptSolutions(self.executor, file, self.progress, _line, partial(_of_line, *size))
         kept.begin(self.study.file.study.journal)
         # samples are drawn by their weights, and some more than once
         every, where = np.unique(points, axis=0, return_inverse=True)
         keys = [digest(np.ascontiguousarray(x)) for x in every]
         solved = kept.solved(model, list(every), keys, "posterior: predictions", "prediction")
-        return [solved[i] for i in where.ravel()], kept
+        return [solved[i] for i in where.ravel()], tuple(n.what for n in kept.remarks)
 
     def _records(
-        self, cases: Sequence[tuple[StudyCase, EigenSolution, _Predicted]], good: Sequence[_Solved],
-        arrays: dict[str, NDArray[Any]],
-    ) -> tuple[list[PosteriorFrequency], list[PosteriorFunctions], list[str]]:  # fmt: skip
+        self, cases: Sequence[_Case], good: Sequence[_Solved], arrays: dict[str, NDArray[Any]]
+    ) -> tuple[list[_Frequency], list[PosteriorFunctions], list[str]]:
         hz, mac, sizes = (np.array([getattr(one, name) for one in good]) for name in ("hz", "mac", "sizes"))
-        found, functions, lost = list[PosteriorFrequency](), list[PosteriorFunctions](), list[str]()
+        found, functions, lost = list[_Frequency](), list[PosteriorFunctions](), list[str]()
         at, first = 0, 0
-        for number, (case, solution, predicted) in enumerate(cases, start=1):
-            count = len(predicted.followed.numbers)
-            mine = slice(at, at + count)
-            known = mac[:, mine] >= _LEAST_MAC
+        for number, one in enumerate(cases, start=1):
+            numbers = one.predicted.followed.numbers
+            mine, at = slice(at, at + len(numbers)), at + len(numbers)
+            known = mac[:, mine] >= LEAST_MAC
             followed = known.mean(axis=0) >= 1.0 - _MOST_LOST
-            found += self._frequencies(case, solution, predicted.followed, hz[:, mine], known, followed)
+            found += self._frequencies(one, np.where(known, hz[:, mine], np.nan), followed)
             if not followed.all():
-                modes = ", ".join(map(str, predicted.followed.numbers[~followed]))
+                modes = ", ".join(map(str, numbers[~followed]))
                 lost.append(
-                    f"Modes of {case.name} that could not be followed through the samples have no interval: {modes}."
+                    f"Modes of {one.case.name} that could not be followed through the samples have no interval: "
+                    f"{modes}."
                 )
-            at += count
-            if predicted.functions is not None:
-                request = predicted.functions.request
-                shape = (len(request.outputs.labels), len(request.inputs.labels), len(request.freq_hz))
-                last = first + int(np.prod(shape))
-                functions.append(_band(request, number, sizes[:, first:last].reshape(-1, *shape), arrays))
-                first = last
+            if one.predicted.functions is not None and one.request is not None:
+                mine, first = slice(first, first + one.predicted.values), first + one.predicted.values
+                values = sizes[:, mine].reshape(-1, *one.predicted.functions.shape)
+                functions.append(_band(one.request, number, values, arrays))
         return found, functions, lost
 
-    def _frequencies(
-        self, case: StudyCase, solution: EigenSolution, followed: FollowedModes, hz: Reals, known: NDArray[np.bool_],
-        enough: NDArray[np.bool_],
-    ) -> Iterator[PosteriorFrequency]:  # fmt: skip
-        tests = dict[int, int]()
+    def _frequencies(self, one: _Case, hz: Reals, followed: NDArray[np.bool_]) -> Iterator[_Frequency]:
+        """The followed modes; hz (n, m) is NaN at samples at which a mode is lost."""
+        case, modes, tests = one.case, one.predicted.followed, dict[int, int]()
         if case.modal is not None:
-            rigid = solution.wanted - len(followed.numbers)
-            tests = {p.model: p.test for p in correlate_case(case.modal, solution, rigid).pairing.pairs}
+            rigid = one.solution.wanted - len(modes.numbers)
+            tests = {p.model: p.test for p in correlate_case(case.modal, one.solution, rigid).pairing.pairs}
         rng = np.random.default_rng([self.table.seed, 2])
-        for j, mode in enumerate(followed.numbers.tolist()):
-            if not enough[j]:
+        for j, mode in enumerate(modes.numbers.tolist()):
+            if not followed[j]:
                 continue
-            values = hz[known[:, j], j]
+            values = hz[np.isfinite(hz[:, j]), j]
             low, median, high = map(float, np.quantile(values, _ENDS))
-            one = PosteriorFrequency(
-                configuration=case.name, mode=mode, value_hz=float(followed.freq_hz[j]), median_hz=median,
+            found = PosteriorFrequency(
+                configuration=case.name, mode=mode, value_hz=float(modes.freq_hz[j]), median_hz=median,
                 interval_95=(low, high),
             )  # fmt: skip
             test = tests.get(mode - 1)
-            yield one if test is None else one.model_copy(update=self._measured(case, test, values, rng))
+            sd = 0.0 if test is None else scatter_of_test(self.study, case, test) or 0.0
+            if test is not None:
+                found = found.model_copy(update=_measured(case, test, with_noise(values, sd, rng)))
+            yield _Frequency(found, hz[:, j], sd)
 
-    def _measured(self, case: StudyCase, test: int, values: Reals, rng: np.random.Generator) -> dict[str, object]:
-        assert case.modal is not None
-        modes = case.modal.test
-        measured, sd = float(modes.freq_hz[test]), scatter_of_test(self.study, case, test) or 0.0
-        low, _, high = np.quantile(values * (1.0 + sd * rng.standard_normal(len(values))), _ENDS)
-        used = case.used is not None and test not in case.held.modes and test not in case.used.left_out
-        return {
-            "test_mode": modes.labels[test], "measured_hz": measured, "used": used,
-            "measured_inside": bool(low <= measured <= high),
-        }  # fmt: skip
+    def _chance(self, unused: Sequence[_Frequency]) -> float | None:
+        if not unused or not all(one.sd > 0.0 for one in unused):
+            return None
+        y = np.array([one.hz for one in unused]).T
+        measured = np.array([one.record.measured_hz for one in unused], float)
+        rng = np.random.default_rng([self.table.seed, 3])
+        sd = np.array([one.sd for one in unused])
+        return joint_chance(with_noise(y[np.isfinite(y).all(axis=1)], sd, rng), measured)
+
+
+def with_noise(hz: Reals, sd: Reals | float, rng: np.random.Generator) -> Reals:
+    """Frequencies as a test with relative errors of standard deviation sd would give them."""
+    return np.asarray(hz * (1.0 + sd * rng.standard_normal(hz.shape)))
+
+
+def joint_chance(simulated: Reals, measured: Reals) -> float | None:
+    """Part of simulated measurements (n, m) that are as far from the others as the measured values (m,).
+
+    The distance is that of Mahalanobis, so that what the values have in common counts once; each simulated one is held
+    against the others. None where these are too few for a covariance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> simulated = np.random.default_rng(0).standard_normal((200, 2))
+    >>> joint_chance(simulated, np.array([5.0, 0.0])) < 0.01 < 0.3 < joint_chance(simulated, np.array([0.5, 0.5]))
+    True
+    """
+    n, m = simulated.shape
+    if n < _LEAST_OF_COVARIANCE * (m + 1):
+        return None
+
+    centre = simulated.mean(axis=0)
+    off = simulated - centre
+    scatter = off.T @ off
+    # of each from the mean and the covariance of the others: one left out changes both by a term of rank one
+    h = np.einsum("ij,ij->i", off, np.linalg.solve(scatter, off.T).T)
+    distances = (n / (n - 1)) ** 2 * (n - 2) * h / (1.0 - n / (n - 1) * h)
+    own = (n - 1) * float((measured - centre) @ np.linalg.solve(scatter, measured - centre))
+    return float(1 + np.sum(distances >= own)) / (1 + n)
+
+
+def _measured(case: StudyCase, test: int, simulated: Reals) -> dict[str, object]:
+    """Of a test mode, and of simulated measurements of its frequency."""
+    assert case.modal is not None
+    modes = case.modal.test
+    low, _, high = np.quantile(simulated, _ENDS)
+    measured = float(modes.freq_hz[test])
+    used = case.used is not None and test not in case.held.modes and test not in case.used.left_out
+    return {
+        "test_mode": modes.labels[test], "measured_hz": measured, "used": used,
+        "measured_inside": bool(low <= measured <= high),
+    }  # fmt: skip
 
 
 def _band(

@@ -255,6 +255,9 @@ class PosteriorResults(Record):
     """Number of these at which it could not be solved."""
     frequencies: tuple[PosteriorFrequency, ...] = ()
     """Natural frequencies of all configurations over the samples, with errors of the model if these are taken."""
+    unused_chance: float | None = None
+    """Part of the samples, as a test would measure them, that are together as far from the others as the measured
+    frequencies that the update did not use; None without such frequencies, or without errors of the test."""
     functions: tuple[PosteriorFunctions, ...] = ()
     """FRFs of `[response]` over the samples, with errors of the model if these are taken."""
     linear_enough: bool = True

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,7 @@ from femtune.sampling import (
 from femtune.steps.posterior.centre import about_most_probable
 from femtune.steps.posterior.facts import OutsideOptimum, SampledFacts, posterior_results
 from femtune.steps.posterior.further import further_tests
-from femtune.steps.posterior.kept import KeptSolutions
+from femtune.steps.posterior.kept import KeptSolutions, as_text, from_text
 from femtune.steps.posterior.model_errors import none_of, unknown_changes
 from femtune.steps.posterior.predictions import Predicting
 from femtune.steps.posterior.problem import at_result, likelihood_of, sampler_of, solving_of, without_likelihood
@@ -112,7 +112,8 @@ def posterior_at(
                 changes = found
                 solving, errors = about_most_probable(changes, solving, result, table.noise, rules)
         file = FinishedRuns(folder / POSTERIOR_FILE, _key(solving))
-        kept = KeptSolutions(executor, file, progress, _line, _of_line)
+        size = len(solving.of(solving.at, False).residuals), len(solving.moving)
+        kept = KeptSolutions(executor, file, progress, _line, partial(_of_line, *size))
         kept.begin(study.file.study.journal)
         solutions = _Solutions(solving, kept)
         likelihood = likelihood_of(solving, result, table.noise, errors)
@@ -178,25 +179,20 @@ def _key(solving: Solving) -> str:
 
 
 def _line(solved: SolvedSample) -> dict[str, object]:
-    J = None if solved.jacobian is None else _text(solved.jacobian)
+    J = None if solved.jacobian is None else as_text(solved.jacobian)
     return {
-        "residuals": _text(solved.residuals), "jacobian": J, "paired_anew": bool(solved.paired_anew),
+        "residuals": as_text(solved.residuals), "jacobian": J, "paired_anew": bool(solved.paired_anew),
         "problem": solved.problem,
     }  # fmt: skip
 
 
-def _text(values: Reals) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<f8").tobytes()).decode()
-
-
-def _of_line(line: Mapping[str, Any]) -> SolvedSample | None:
-    """A solution; None for what cannot be read, which is solved again."""
+def _of_line(rows: int, columns: int, line: Mapping[str, Any]) -> SolvedSample | None:
+    """A solution with so many residuals and parameters; None for what is none, and is solved again."""
     try:
-        r = np.frombuffer(base64.b64decode(line["residuals"]), "<f8").astype(float)
-        J = None
-        if line["jacobian"] is not None:
-            J = np.frombuffer(base64.b64decode(line["jacobian"]), "<f8").astype(float).reshape(len(r), -1)
-        return SolvedSample(r, J, bool(line["paired_anew"]), str(line["problem"]))
+        problem = str(line["problem"])
+        rows = 0 if problem else rows
+        J = None if line["jacobian"] is None else from_text(line["jacobian"], rows * columns).reshape(rows, columns)
+        return SolvedSample(from_text(line["residuals"], rows), J, bool(line["paired_anew"]), problem)
     except (ValueError, KeyError, TypeError):
         return None
 
