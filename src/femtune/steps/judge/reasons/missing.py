@@ -76,8 +76,9 @@ def _of_field(found: MissingResults, first: MissingField, refit: RefittedField) 
 
 def _of_one_mode(found: MissingResults, refit: RefittedField) -> dict[str, str]:
     """Facts of a refit that explains one mode."""
+    assert refit.p_without_mode is not None
     return {
-        "mode": refit.mode, "part": f"{refit.mode_before:.4g}",
+        "mode": refit.mode, "chance": chance(refit.p_without_mode),
         "before": f"{found.chi_square:.4g}", "after": f"{refit.chi_square:.4g}",
     }  # fmt: skip
 
