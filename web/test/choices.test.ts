@@ -8,7 +8,7 @@ const of: ModeChoices = {
   mac: { type: "f4", shape: [0], data: "", scale: [], offset: [] }, pairs: [["1", 1]], fixed: [["2", 2]], never: [["1", 3]], close: [[2, 3]], left_out: [["a|b", "local"]],
   sensors: ["1X+", "2X+"], off: ["2X+"],
 };
-const data: Choices = { inputs: [{ path: "a.bdf", sha256: "0f" }], configurations: [of], fields: [{ name: "E", field: "MAT1 1 E", what: "", value: 1, lower: 0.8, upper: 2, chosen: false }], kept: [] };
+const data: Choices = { inputs: [{ path: "a.bdf", sha256: "0f" }], configurations: [of], fields: [{ name: "E", field: "MAT1 1 E", what: "", value: 1, lower: 0.8, upper: 2, chosen: false, further: [] }, { name: "k", field: "PBUSH 4 K4", what: "", value: 1, lower: 0.5, upper: 2, chosen: true, further: ["PBUSH 4 K5"] }], kept: [] };
 const tables = (text: string) => text.split("\n\n").slice(1).map((part) => part.trim().split("\n"));
 
 test("a pair goes from the MAC to a pair by hand, to never, and back", () => {
@@ -42,6 +42,7 @@ test("the file has inputs, pairs, modes, sensors and parameters", () => {
     ["[[never_pair]]", 'configuration = "BC"', 'test = "a|b"', "model = 1", "model_hz = 3.0"],
     ["[[sensor_off]]", 'configuration = "BC"', 'sensor = "2X+"'],
     ["[[parameter]]", 'name = "E"', 'field = "MAT1 1 E"', "lower = 0.8", "upper = 2.0"],
+    ["[[parameter]]", 'name = "k"', 'field = "PBUSH 4 K4"', 'further_fields = ["PBUSH 4 K5"]', "lower = 0.5", "upper = 2.0"],
   ]);
   assert.deepEqual(tables(choicesFile(data, [begun(of)], []))[3], ["[[leave_out]]", 'configuration = "BC"', 'mode = "a|b"', 'reason = "local"']);
 });

@@ -279,7 +279,8 @@ class ModeChoicesView:
 
 @dataclass(frozen=True)
 class FieldChoiceView:
-    """A field of the deck that can be a parameter, with bounds of its factor; `chosen` if it is one."""
+    """A field of the deck that can be a parameter, with bounds of its factor; `chosen` if it is one, and then with the
+    `further` fields that have the same factor."""
 
     name: str
     field: str
@@ -288,6 +289,7 @@ class FieldChoiceView:
     lower: float
     upper: float
     chosen: bool
+    further: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -419,8 +421,9 @@ class LiveFunctionsView:
     sd: Packed | None
     shift: Packed | None
     note: str
-    errors: tuple[tuple[str, int, float], ...]
-    """Where ("region" or "bounds"), points, and the largest difference from the full model in %."""
+    errors: tuple[tuple[str, int, float, str], ...]
+    """Where ("region" or "bounds"), points, the largest difference from the full model in %, and its function ("" in
+    older results)."""
 
 
 @dataclass(frozen=True)

@@ -69,14 +69,14 @@ def _fields(source: ReportSource) -> list[FieldChoiceView]:
     known = {
         p.fields[0]: p
         for p in results.parameters
-        if len(p.fields) == 1 and not p.unit and not p.tie and p.elements is None and p.lower is not None
+        if p.fields and not p.unit and not p.tie and p.elements is None and p.lower is not None
     }
     taken = {field for p in results.parameters for field in p.fields}
     found = []
     for one in model.fields if model is not None else ():
         p = known.get(one.field)
         if p is not None and p.lower is not None and p.upper is not None and p.lower > 0.0:
-            found.append(FieldChoiceView(p.name, one.field, one.what, one.value, p.lower, p.upper, True))
+            found.append(FieldChoiceView(p.name, one.field, one.what, one.value, p.lower, p.upper, True, p.fields[1:]))
         elif one.field not in taken:
             found.append(FieldChoiceView(one.name, one.field, one.what, one.value, one.lower, one.upper, False))
     return found
