@@ -12,7 +12,7 @@ import type { LiveCurves } from "./liveworker.ts";
 /** What was compared of the functions, and where. */
 export function functionErrors(data: LiveFunctions, reach: string): string {
   const where: Record<string, string> = { region: "of the 95 % region", bounds: `within ${reach}` };
-  const parts = data.errors.map(([at, points, percent]) => `${size(percent)} % at ${points} points ${where[at]}`);
+  const parts = data.errors.map(([at, points, percent, name]) => `${size(percent)} %${name ? ` (${name})` : ""} at ${points} points ${where[at]}`);
   return parts.length ? ` Largest difference of a function from that of the full model (root mean square over the lines): ${parts.join(", ")}.` : "";
 }
 

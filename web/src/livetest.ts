@@ -1,7 +1,7 @@
 // A test that a reader drops on the page, beside the live model: modes at the sensors of the model, and FRFs.
 
 import type { Live, LiveConfiguration, LiveFunctions } from "./data.ts";
-import { h, shown } from "./dom.ts";
+import { cycles, h, shown } from "./dom.ts";
 import type { DroppedModes, DroppedPair } from "./livepairs.ts";
 import { signed } from "./livetext.ts";
 import { MOST_BYTES, readUff, UffError, type UffMode, type UffTest } from "./uff.ts";
@@ -167,7 +167,7 @@ export class DroppedTest {
     const cell = (text: string) => h("td", { class: "right" }, text);
     this.rows.replaceChildren(...pairs.map(({ column, mac }, i) => {
       const hz = column < 0 ? null : freq_hz[column], error = hz === null || !(modes.freq_hz[i] > 0) ? null : 100 * (hz / modes.freq_hz[i] - 1);
-      return h("tr", {}, h("th", { scope: "row" }, modes.labels[i]), cell(shown(modes.freq_hz[i], 5)), cell(column < 0 ? "none" : String(column + 1)), cell(shown(hz, 5)), cell(error === null ? "–" : signed(error)), cell(mac === null ? "–" : mac.toFixed(3)));
+      return h("tr", {}, h("th", { scope: "row" }, modes.labels[i]), cell(cycles(modes.freq_hz[i])), cell(column < 0 ? "none" : String(column + 1)), cell(cycles(hz)), cell(error === null ? "–" : signed(error)), cell(mac === null ? "–" : mac.toFixed(3)));
     }));
   }
 }

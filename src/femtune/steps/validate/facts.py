@@ -158,9 +158,10 @@ _LINEARITY = "linearity: the test modes were assumed to be those of one linear s
 
 
 _MASS = (
-    "total mass: the data determine only the ratio of stiffness to mass, and no measured mass is given (weighed_mass "
-    'in the configuration, or a [[residual]] of kind "mass"); an error of the mass of the model changes the updated '
-    "stiffnesses, and neither the residuals nor the standard deviations show it"
+    "total mass: a common factor on all stiffnesses and masses changes no value that is compared, and no measured mass "
+    'is given (weighed_mass in the configuration, or a [[residual]] of kind "mass"). Updated values, also those of '
+    "masses, are relative to the masses that the deck states: an error of these changes them, and neither residuals "
+    "nor standard deviations show it"
 )
 
 

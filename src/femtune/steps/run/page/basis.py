@@ -381,11 +381,22 @@ def effective_masses(source: ReportSource) -> list[Block]:
         *columns(">Mode", ">Hz", *(("Test mode",) if compared else ())),
         *(Column(d, "right", "Effective mass, %") for d in "XYZ"),
     )
+    sums = tuple(_sum_of_masses(m, several, compared) for m in solved if not m.rigid_body_modes)
     left = [share for share, _, cells in rows if not any(cells is k[2] for k in kept)]
     note = f"{counted(len(left), 'further mode')} with at most {max(left):.1f} %. " if left else ""
     if all(m.rigid_body_modes for m in solved) and max(share for share, _, _ in rows) < _SMALL_MASS_PERCENT:
         note += "The rigid-body motions carry the mass of a free structure."
-    return [Table("Effective masses of the model modes", heads, tuple(r[2] for r in kept), note.strip())]
+    return [Table("Effective masses of the model modes", heads, (*(r[2] for r in kept), *sums), note.strip())]
+
+
+def _sum_of_masses(m: ModelModes, several: bool, compared: bool) -> tuple[Cell, ...]:
+    """The row with the sums over all modes that were solved."""
+    assert m.effective_masses is not None
+    parts = list(zip(*(f[:_TRANSLATIONS] for f in m.effective_masses.fractions)))
+    return row(
+        *((m.configuration,) if several else ()), "sum", NONE, *((NONE,) if compared else ()),
+        *(NONE if any(p is None for p in d) else f"{100.0 * sum(p for p in d if p is not None):.1f}" for d in parts),
+    )  # fmt: skip
 
 
 def _much(parts: Sequence[float | None]) -> bool:
