@@ -285,7 +285,23 @@ def _found(source: ReportSource) -> str:
     short_ = [m.configuration for m in counted_ if m.sturm_count != m.modes_below_shift]
     upto = f"up to {freq(min(m.sturm_shift_hz or 0.0 for m in counted_))} Hz"
     said = f"differs in {listed(short_)}: modes may be missing" if short_ else f"no mode was missed {upto}"
-    return said + unchecked
+    return said + unchecked + _sums_of_masses(modes)
+
+
+def _sums_of_masses(modes: Sequence[ModelModes]) -> str:
+    """How much of the mass of a structure that is held moves in the modes that were solved."""
+    held = [
+        (m.configuration, m.effective_masses.fractions) for m in modes
+        if m.effective_masses is not None and m.effective_masses.fractions and not m.rigid_body_modes
+    ]  # fmt: skip
+    if not held:
+        return ""
+    sums = []
+    for name, fractions in held:
+        parts = zip(*(of_mode[:_TRANSLATIONS] for of_mode in fractions))
+        shares = (NONE if None in d else f"{100.0 * sum(p or 0.0 for p in d):.1f}" for d in parts)
+        sums.append((name, ", ".join(shares)))
+    return f"; sums of their effective masses in X, Y, Z {_by_configuration(sums)} %"
 
 
 def _software(source: ReportSource) -> str:
@@ -381,22 +397,11 @@ def effective_masses(source: ReportSource) -> list[Block]:
         *columns(">Mode", ">Hz", *(("Test mode",) if compared else ())),
         *(Column(d, "right", "Effective mass, %") for d in "XYZ"),
     )
-    sums = tuple(_sum_of_masses(m, several, compared) for m in solved if not m.rigid_body_modes)
     left = [share for share, _, cells in rows if not any(cells is k[2] for k in kept)]
     note = f"{counted(len(left), 'further mode')} with at most {max(left):.1f} %. " if left else ""
     if all(m.rigid_body_modes for m in solved) and max(share for share, _, _ in rows) < _SMALL_MASS_PERCENT:
         note += "The rigid-body motions carry the mass of a free structure."
-    return [Table("Effective masses of the model modes", heads, (*(r[2] for r in kept), *sums), note.strip())]
-
-
-def _sum_of_masses(m: ModelModes, several: bool, compared: bool) -> tuple[Cell, ...]:
-    """The row with the sums over all modes that were solved."""
-    assert m.effective_masses is not None
-    parts = list(zip(*(f[:_TRANSLATIONS] for f in m.effective_masses.fractions)))
-    return row(
-        *((m.configuration,) if several else ()), "sum", NONE, *((NONE,) if compared else ()),
-        *(NONE if any(p is None for p in d) else f"{100.0 * sum(p for p in d if p is not None):.1f}" for d in parts),
-    )  # fmt: skip
+    return [Table("Effective masses of the model modes", heads, tuple(r[2] for r in kept), note.strip())]
 
 
 def _much(parts: Sequence[float | None]) -> bool:
