@@ -49,17 +49,49 @@ def ring(damped: str = "no damping") -> ConfiguredModel:
     return factor_model(structure, {"a": [1], "b": [3], "m": [1002]})
 
 
-def test_what_modes_miss_of_the_responses_to_many_forces() -> None:
+@pytest.mark.parametrize(("inputs", "outputs"), [(37, 3), (3, 37), (2, 2)])
+def test_what_modes_miss_of_the_responses_to_many_forces(inputs: int, outputs: int) -> None:
     """Beside the dense inverse; more forces than are solved for at a time."""
     point = ring().at(APART)
     solution = solve_modes(point, 3)
-    dense = np.random.default_rng(2).standard_normal((point.configured.n_free, 37))
+    dense = np.random.default_rng(2).standard_normal((point.configured.n_free, inputs + outputs))
     dense[np.abs(dense) < 0.5] = 0.0
+    some = ports_of(ring())
+    ports = replace(some, inputs=sp.csc_array(dense[:, :inputs]), outputs=sp.csr_array(dense[:, inputs:].T))
     phi = solution.shapes
-    whole = la.solve((point.stiffness - solution.shift * point.mass).toarray(), dense)
-    expected = whole - phi @ ((phi.T @ dense) / (solution.eigenvalues - solution.shift)[:, None])
-    found = missed_responses(solution, sp.csc_array(dense))
+    shifted = (point.stiffness - solution.shift * point.mass).toarray()
+    whole = la.solve(shifted, dense)
+    static = whole - phi @ ((phi.T @ dense) / (solution.eigenvalues - solution.shift)[:, None])
+    fewer = static[:, :inputs] if inputs <= outputs else static[:, inputs:]
+    expected = np.hstack([static, la.solve(shifted, point.mass @ fewer)])
+    wanted = FunctionsWanted(ports, LINES, 3)
+    found = missed_responses(solution, wanted.forces, wanted.fewer)
     np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize("inputs", [["1X+"], ["1X+", "9X+", "20X+"]])
+def test_what_modes_miss_leaves_an_error_of_the_sixth_power_of_the_line(inputs: list[str]) -> None:
+    """A chain of 40 masses on a basis of five modes and what they miss, beside direct solutions."""
+    springs = [(i - 1, i, 40.0 + 3.0 * (i % 4)) for i in range(40)]
+    model = factor_model(spring_structure(springs, [1.0 + 0.1 * (i % 3) for i in range(40)]), {"a": [1]})
+    solution = solve_modes(model.at(np.zeros(1)), 5)
+    ports = make_ports(model, inputs, ["4X+", "13X+"])
+    K, M = solution.point.stiffness.toarray(), solution.point.mass.toarray()
+    wanted = FunctionsWanted(ports, LINES, 5)
+    missed = missed_responses(solution, wanted.forces, wanted.fewer)
+    basis = la.qr(np.hstack([solution.shapes, missed]), mode="economic")[0]
+    errors = []
+    # the next mode is the sixth
+    next_hz = float(solve_modes(model.at(np.zeros(1)), 6).freq_hz[5])
+    for part in (0.5, 0.25):
+        s = 2.0 * np.pi * part * next_hz
+        dynamic = K - s**2 * M
+        exact = ports.outputs @ la.solve(dynamic, ports.inputs.toarray())
+        found = (ports.outputs @ basis) @ la.solve(basis.T @ dynamic @ basis, basis.T @ ports.inputs.toarray())
+        static = ports.outputs @ la.solve(K, ports.inputs.toarray())
+        errors.append(float(np.abs(found - exact).max() / np.abs(static).max()))
+    assert errors[0] < 1e-3
+    assert errors[0] / errors[1] > 2.0**5
 
 
 def ports_of(model: ConfiguredModel) -> Ports:

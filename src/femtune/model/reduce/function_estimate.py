@@ -1,6 +1,9 @@
 """FRFs that a reduced model is trained for: static shapes that its basis needs, and an estimate of their error.
 
-The basis V gets, at every point where the full model is solved, what its modes miss of the response to the forces. The
+The basis V gets, at every point where the full model is solved, what its modes miss of the response to the forces, and
+the response to the inertia forces of that on the side of the FRFs with fewer forces. With static responses alone the
+higher modes respond to lines ω with relative errors of (ω/ω_h)⁴; one more power series term on one side leaves
+(ω/ω_h)⁶, which is below the noise of a test where the modes reach twice the highest line. The
 estimate at any other point is the difference to the FRFs on V with the corrections A0⁻¹r, of the residuals r of the
 modes and of the response of the other motions to the inputs: they are what a larger basis would add first.
 """
@@ -63,19 +66,38 @@ class FunctionsWanted:
         at = np.unique(np.linspace(0, count - 1, min(count, _MOST_LINES)).round().astype(int))
         return np.asarray(2j * np.pi * self.freq_hz[at])
 
+    @cached_property
+    def fewer(self) -> slice:
+        """The columns of `forces` of the inputs, or of the outputs where these are fewer."""
+        inputs, outputs = self.ports.inputs.shape[1], self.ports.outputs.shape[0]
+        return slice(inputs) if inputs <= outputs else slice(inputs, inputs + outputs)
+
     def on(self, basis: Reals) -> BasisPorts:
         """The ports on a basis (n_free, r)."""
         return BasisPorts(np.asarray(self.ports.inputs.T @ basis).T, np.asarray(self.ports.outputs @ basis))
 
 
-def missed_responses(solution: EigenSolution, forces: sp.csc_array) -> Reals:
-    """(n_free, f) what the known modes miss of (K − σM)⁻¹ F, some columns at a time: factors fill the memory."""
-    phi, out = solution.shapes, np.empty(forces.shape)
+def missed_responses(solution: EigenSolution, forces: sp.csc_array, further: slice = slice(0)) -> Reals:
+    """(n_free, f + g) what the known modes miss of the response to the forces.
+
+    These are R, which is (K − σM)⁻¹ F without the part of the modes, for all f forces, and (K − σM)⁻¹ M R for g of
+    them. They are solved some columns at a time, because factors fill the memory.
+
+    Parameters
+    ----------
+    further : the g columns of the forces
+    """
+    phi, count, fewer = solution.shapes, forces.shape[1], range(forces.shape[1])[further]
+    out = np.empty((len(phi), count + len(fewer)))
     seen = np.asarray(forces.T @ phi).T / (solution.eigenvalues - solution.shift)[:, None]
-    for first in range(0, forces.shape[1], _COLUMNS_OF_A_SOLVE):
-        part = slice(first, first + _COLUMNS_OF_A_SOLVE)
+    for first in range(0, count, _COLUMNS_OF_A_SOLVE):
+        part = slice(first, min(first + _COLUMNS_OF_A_SOLVE, count))
         out[:, part] = solution.factor.solve(forces[:, part].toarray(order="F"))
         out[:, part] -= in_any_order(phi, np.ascontiguousarray(seen[:, part]))
+    for first in range(0, len(fewer), _COLUMNS_OF_A_SOLVE):
+        some = fewer[first : first + _COLUMNS_OF_A_SOLVE]
+        inertia = solution.point.symmetric_mass @ np.ascontiguousarray(out[:, some.start : some.stop])
+        out[:, count + first : count + first + len(some)] = solution.factor.solve(np.asfortranarray(inertia))
     return out
 
 

@@ -337,7 +337,7 @@ class Trainer:
     def _with_responses(self, basis: Reals, metric: SymmetricMatrix, solution: EigenSolution) -> Reals:
         """The basis with what the modes of a solution miss of the responses to the forces of FRFs."""
         for wanted in self.functions:
-            basis = extend(basis, missed_responses(solution, wanted.forces), metric, self.rules.responses)
+            basis = extend(basis, missed_responses(solution, wanted.forces, wanted.fewer), metric, self.rules.responses)
         return basis
 
     def resume(self, saved: SavedBasis) -> Trained:
@@ -416,7 +416,7 @@ class Trainer:
         """The basis with a solution at `x`, where the error was estimated as `before`."""
         values = solution.eigenvalues[: solution.wanted]
         error = float(certified_error(trained.model, x, values).max(initial=0.0))
-        missed = [missed_responses(solution, wanted.forces) for wanted in self.functions if responses]
+        missed = [missed_responses(solution, wanted.forces, wanted.fewer) for wanted in self.functions if responses]
         if missed and self.rules.ranked:
             # as in `start`, and here there are two bases
             solution.forget_factors()

@@ -110,7 +110,7 @@ def _tested(
         return MissingResults(reason=f"the model could not be extended by fields as parameters: {error.what}")
     record = _record(result, end)
     if record is None:
-        return MissingResults(reason="no residual has a known distribution, or only FRFs are compared")
+        return MissingResults(reason="no residual that can be tested has a known distribution")
     rows, columns, bounded = record
     of_factors: list[Widening] = [*fields, *masses, *supports]
     tested: list[Tested] = [*bounded_parameters(result), *of_factors]
