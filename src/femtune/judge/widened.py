@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from femtune.arrays import Reals
 from femtune.fem.fields import FieldRef
 from femtune.judge.point_masses import PointMass, with_point_masses
 from femtune.judge.supports import GivingWay, Support, SupportRows, with_carriers
@@ -22,17 +23,22 @@ from femtune.model.derivatives.sensors import sensor_derivatives
 from femtune.model.full_model import ModelSolver, direct
 from femtune.parameters import Parameter, ParameterSet, parse_expression
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
+from femtune.residuals.case import Residual
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
+from femtune.residuals.frf.model_way import settled
+from femtune.residuals.frf.on_reduced import served
 from femtune.residuals.frf.residual import FrfResidual
-from femtune.updating import UpdateResult
+from femtune.residuals.state import followed
+from femtune.updating import ReductionRules, UpdateResult
+from femtune.updating.on_reduced_model import keep_functions
 
 _TOLERANCE = 1e-4
 """Error of the derivatives of a shape at the sensors: far below what noise leaves of a column, and above what many
 solutions would be needed for."""
 
-_OF_FRFS = (FrfResidual.key, AntiresonanceResidual.key)
 _FRF_DOFS = 1_000
-"""Free DOFs up to which FRFs are compared too: their derivatives by many factors are those of all modes of the band."""
+"""Free DOFs up to which derivatives of FRFs by many factors are those of all modes of the band. Those of larger models
+follow from a reduced model there, which those of antiresonances do not."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +133,8 @@ def widened_problem(
 ) -> UpdateProblem:
     """The comparisons at the end of an update on the full model, with what is free in it after the parameters.
 
-    FRFs of models above 1,000 free DOFs are left out: their derivatives by many factors take too long.
+    Of models above 1,000 free DOFs, antiresonances are left out, and FRFs that a reduced model does not serve: their
+    derivatives by many factors take too long.
 
     Parameters
     ----------
@@ -144,11 +151,21 @@ def widened_problem(
     cases = tuple(
         replace(
             case, configured=configure(wide, case.configured.configuration), full=None, solver=solver,
-            residuals=tuple(r for r in case.residuals if r.key not in _OF_FRFS or case.configured.n_free <= _FRF_DOFS),
+            residuals=_compared(state),
         )
-        for case, solver in zip((state.case.on_full_model for state in after.states), solvers, strict=True)
+        for case, state, solver in zip((s.case.on_full_model for s in after.states), after.states, solvers, strict=True)
     )  # fmt: skip
     return UpdateProblem(cases, wide.parameters, common_sd=after.common_sd)
+
+
+def _compared(state: CaseState) -> tuple[Residual, ...]:
+    """The residuals of a case whose derivatives by many factors do not take too long."""
+    residuals = state.case.on_full_model.residuals
+    if state.case.on_full_model.configured.n_free <= _FRF_DOFS:
+        return residuals
+    few = [r for r in residuals if r.key not in (FrfResidual.key, AntiresonanceResidual.key)]
+    frfs = served(state) if len(few) < len(residuals) else ()
+    return tuple(r for r in residuals if r in few or settled(r) in frfs)
 
 
 class _BySensors(type(direct)):  # type: ignore[misc]
@@ -173,4 +190,14 @@ def widened_end(result: UpdateResult, problem: UpdateProblem) -> Evaluation:
         # the factors of a matrix are those of the same matrix
         solution = None if known is None else replace(known, point=point)
         states.append(CaseState(case, point, state.groups, solution))
+    return _assessed(problem, x, states)
+
+
+def widened_beside(problem: UpdateProblem, x: Reals, before: Evaluation) -> Evaluation:
+    """A widened problem at another point, with the pairs of an evaluation followed from there."""
+    return _assessed(problem, x, [followed(state, x) for state in before.states])
+
+
+def _assessed(problem: UpdateProblem, x: Reals, states: list[CaseState]) -> Evaluation:
+    keep_functions(problem, ReductionRules(), states, _FRF_DOFS)
     return problem.assess(x, states)

@@ -562,17 +562,20 @@ def _begun(trainer: Trainer | ComponentTrainer, state: CaseState) -> Trained:
     return trainer.start() if known is None or not isinstance(trainer, Trainer) else trainer.again(known)
 
 
-def keep_functions(problem: UpdateProblem, rules: ReductionRules, states: Sequence[CaseState]) -> None:
+def keep_functions(
+    problem: UpdateProblem, rules: ReductionRules, states: Sequence[CaseState], smallest: int | None = None
+) -> None:
     """Compute the FRFs of large models, and their derivatives, on the bases that their training begins with.
 
     The bases hold all modes up to twice the highest line and the static responses to all forces, as a superposition of
-    the full model does, whose derivatives take as long as many solutions. Nothing is done for smaller models, and where
-    no reduced model serves the FRFs.
+    the full model does, whose derivatives take as long as many solutions. Nothing is done for models with fewer free
+    DOFs than `smallest` (`RANKED_FROM`), and where no reduced model serves the FRFs.
     """
+    smallest = RANKED_FROM if smallest is None else smallest
     for state in states:
         settle_all(state)
         functions = _served(state, rules)
-        if not functions or state.case.configured.n_free < RANKED_FROM:
+        if not functions or state.case.configured.n_free < smallest:
             continue
         known, wanted = _most_modes(state, functions), tuple(wanted_of(state, r) for r in functions)
         asked = TrainingRules(_count(state, functions), SEARCH * rules.tolerance, ranked=True, inner=0)

@@ -642,7 +642,7 @@ class _Making:
         if too_large or (first.basis is None and not functions):
             return (inside, wide, None, None), [(None, None) for _ in functions]
         done = iter(range(2 * _FULL_POINTS))
-        found: list[list[float]] = [[] for _ in functions]
+        found: list[list[tuple[float, int]]] = [[] for _ in functions]
 
         def told() -> None:
             self.progress.step(f"live model of {state.case.name} beside the full model", next(done), 2 * _FULL_POINTS)
@@ -651,18 +651,18 @@ class _Making:
         def also(x: Reals, solution: EigenSolution) -> None:
             for (one, ports), percents in zip(functions, found):
                 values = live_values(ports, certified.live, x)
-                percents.append(MOST_ERROR if values is None else function_percent(values, one.of_full(solution)))
+                percents.append((MOST_ERROR, 0) if values is None else function_percent(values, one.of_full(solution)))
 
         # the functions of the full model have modes up to twice the highest line
         least = max((p.count for _, p in functions), default=0)
         whole = FullModel(state, case.configured, full, told, least, also)
         at, beyond = _to_compare(inside_errors, len(region)), _to_compare(wide_errors, _POINTS)
         inside_full, _ = certified.beside(whole, region[at], 0)
-        of_region = [_function_errors(p) for p in found]
+        of_region = [_function_errors(one, p) for (one, _), p in zip(functions, found)]
         for percents in found:
             percents.clear()
         wide_full, _ = certified.beside(whole, bounds[beyond], sum(i >= _POINTS for i in beyond))
-        errors = list(zip(of_region, [_function_errors(p) for p in found]))
+        errors = list(zip(of_region, [_function_errors(one, p) for (one, _), p in zip(functions, found)]))
         if first.basis is None:
             inside_full = wide_full = None
         return (inside, wide, inside_full, wide_full), errors
@@ -722,8 +722,14 @@ _Certificates = tuple[LiveCertificate | None, LiveCertificate, LiveCertificate |
 _FunctionErrors = tuple[LiveFunctionErrors | None, LiveFunctionErrors | None]
 
 
-def _function_errors(percents: Sequence[float]) -> LiveFunctionErrors | None:
-    return LiveFunctionErrors(points=len(percents), percent=min(max(percents), MOST_ERROR)) if percents else None
+def _function_errors(one: ComparedFunctions, found: Sequence[tuple[float, int]]) -> LiveFunctionErrors | None:
+    if not found:
+        return None
+    percent, worst = max(found)
+    output, of_input = divmod(worst, len(one.inputs))
+    return LiveFunctionErrors(
+        points=len(found), percent=min(percent, MOST_ERROR), function=f"{one.outputs[output]} by {one.inputs[of_input]}"
+    )
 
 
 def _function_record(

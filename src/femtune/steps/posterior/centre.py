@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.errors import FemtuneError
+from femtune.judge.widened import widened_beside
 from femtune.sampling import Known, Shift
 from femtune.steps.posterior.problem import likelihood_of, sampler_of
 
@@ -183,7 +184,7 @@ class _Search:
         step[self.changes.own :] = self.changes.within(likely.errors.raw @ q) - here.raw
         for part in 0.5 ** np.arange(_HALVINGS):
             try:
-                there = self._centre(self.changes.problem.follow(here.at.x + part * step, here.at))
+                there = self._centre(widened_beside(self.changes.problem, here.at.x + part * step, here.at))
             except FemtuneError:
                 continue
             if len(there.known.residuals) == len(here.known.residuals) and cost(there) < cost(here):

@@ -196,7 +196,10 @@ def unknown_changes(study: Study, result: UpdateResult, solving: Solving) -> Unk
     except FemtuneError as error:
         return f"the model could not be extended by unknown changes: {error.what}"
     if _rows_of(end) != _rows_of(solving.at):
-        return "not all residuals have derivatives by unknown changes, as FRFs of models above 1,000 free DOFs"
+        return (
+            "not all residuals have derivatives by unknown changes; of models above 1,000 free DOFs, antiresonances "
+            "have none, nor have FRFs with a number of modes of the study"
+        )
     own = len(result.x)
     raw = len(widened.parameters.free) - own
     changes = (*_of_fields(study, result, fields, factors, raw), *_added(masses, raw), *_added(supports, raw))
