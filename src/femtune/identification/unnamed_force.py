@@ -53,7 +53,7 @@ def unnamed_force(record: TimeSeries, alive: Flags) -> tuple[int, int] | None:
 
 
 def _rises(y: Reals, hits: list[tuple[int, int, bool]]) -> Reals:
-    """Of each hit after enough samples, the median over channels y (n, samples) of the mean square after over before."""
+    """Of each hit after enough samples, the median over channels (n, samples) of the mean square after over before."""
     out, last = [], 0
     for begin, end, _ in hits:
         width = max((end - begin) // 4, _LEAST_SAMPLES)
