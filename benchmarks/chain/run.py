@@ -53,6 +53,8 @@ EXACT = 5
 MORE = """then = "raw"
 [update]
 look_further = false
+[output]
+live = false
 """
 Key = tuple[SetUp, Kind, int, bool]
 """Set-up, kind, number, and whether the FRFs have noise."""
@@ -119,7 +121,10 @@ def trial(setup: SetUp, kind: Kind, number: int, *, noisy: bool) -> Row:
         "final": [off(p.value, p.sd, truth[p.name]) for p in update.parameters],
         "shift": [p.value / truth[p.name] - 1.0 for p in update.parameters],
         "bootstrap": [bool(p.interval_95[0] <= truth[p.parameter] <= p.interval_95[1]) for p in drawn],
-        "together": together(one), "codes": codes, "found": any(a.code == "update.mode-found" for a in results.alerts),
+        "together": together(one), "codes": codes,
+        "verdict": None if results.judgement is None else results.judgement.verdict,
+        "reasons": () if results.judgement is None else [r.code for r in results.judgement.reasons],
+        "found": any(a.code == "update.mode-found" for a in results.alerts),
         "seconds": time.process_time() - begun,
     }  # fmt: skip
 
