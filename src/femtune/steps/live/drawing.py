@@ -25,6 +25,7 @@ DRAWING_BYTES = 700_000
 _DRAWN = 1e-3
 """Part of a motion that drawing may leave out."""
 _MOST_MASS_POINTS = 60
+"""Points of a model that is kept whole that can carry a mass: a list of them fits a page."""
 _MOST_CARRIED = 8
 """Points of a reduced live model that can carry a mass: each takes three vectors."""
 

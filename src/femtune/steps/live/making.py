@@ -26,7 +26,7 @@ from femtune.steps.live.record import LiveConfiguration
 if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.residuals import CaseState
-    from femtune.steps.live.region import Box, Region
+    from femtune.steps.live.region import AllowedRegion, Box
     from femtune.steps.update.run import FoundParameters
     from femtune.study.progress import Progress
     from femtune.study.study import Study
@@ -56,7 +56,7 @@ class Making:
 
     study: Study
     found: FoundParameters
-    region: Region | None
+    region: AllowedRegion | None
     progress: Progress
     box: Box
     known: dict[str, First] = field(default_factory=dict)

@@ -12,7 +12,7 @@ from femtune.steps.live.region import SEED
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
-    from femtune.steps.live.region import Box, Region
+    from femtune.steps.live.region import AllowedRegion, Box
 
 _CORNERS = 32
 """Corners of the ranges at most: all of them for up to five parameters, else some that are drawn."""
@@ -28,7 +28,7 @@ class Points:
     box : ends of the ranges
     """
 
-    region: Region | None
+    region: AllowedRegion | None
     box: Box
 
     def in_region(self, count: int, seed: int, certified: bool = False) -> Reals:

@@ -22,6 +22,7 @@ SEED = 36
 _NARROW = 0.25
 """Part of the width of the samples by which narrower ranges go beyond them."""
 _LEVEL = 0.95
+"""Probability of the region."""
 _SHOWN = 20
 """Models that the data allow, of those that a page shows."""
 _DRAWN_LINEAR = 300
@@ -29,10 +30,11 @@ _DRAWN_LINEAR = 300
 _UNDETERMINED = 100.0
 """Widths of the samples that a combination of parameters is taken to have where the data leave it undetermined."""
 _LEAST_WIDTH = 1e-9
+"""Width of samples that do not spread, so that it can be divided by."""
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class AllowedRegion:
     """Points with |A (x − x̂) + b|² ≤ limit within the bounds, and samples of the distribution that are in it."""
 
     at: Reals
@@ -44,7 +46,7 @@ class Region:
     size: Reals
 
     @classmethod
-    def of(cls, result: UpdateResult) -> Region | None:
+    def of(cls, result: UpdateResult) -> AllowedRegion | None:
         posterior = result.covariance.posterior
         if posterior is None or not len(posterior.samples):
             return None
@@ -102,7 +104,7 @@ class Sampled:
 
 
 def allowed_models(
-    result: UpdateResult, region: Region | None, sampled: Sampled | None, box: Box, others: bool,
+    result: UpdateResult, region: AllowedRegion | None, sampled: Sampled | None, box: Box, others: bool,
     arrays: dict[str, NDArray],
 ) -> LiveDraws | None:  # fmt: skip
     """From the posterior where there is one, else from the linearised distribution."""

@@ -14,7 +14,7 @@ from femtune.steps.live.comparisons import FULL_POINTS
 from femtune.steps.live.first import SMALL, TRAINING, trained
 from femtune.steps.live.making import Making
 from femtune.steps.live.record import LiveConfiguration, LiveOtherPart, LiveParameter, LiveResults
-from femtune.steps.live.region import Region, Sampled, allowed_models
+from femtune.steps.live.region import AllowedRegion, Sampled, allowed_models
 
 if TYPE_CHECKING:
     from femtune.residuals import CaseState, Evaluation
@@ -47,7 +47,7 @@ def live_results(
     reason = _impossible(study, result) or _too_large(found, states, wanted)
     if reason:
         return LiveResults(reason=reason)
-    region = Region.of(result)
+    region = AllowedRegion.of(result)
     made = Making(study, found, region, progress, result.parameters.bounds)
     configurations, stored = made.every(states)
     narrowed = ""
