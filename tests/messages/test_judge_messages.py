@@ -126,6 +126,7 @@ _CASES: dict[str, Notice] = {
         standard="ECSS-E-ST-32-11C", remark="",
     ),
     "judge.nothing-held-out": Notice("judge.nothing-held-out"),
+    "judge.nothing-held-out, no criterion": Notice("judge.nothing-held-out/no-criterion"),
     "judge.not-independent": Notice("judge.not-independent", data="held-out modes and held-out sensors"),
     "judge.scatter": Notice("judge.scatter", pairs=6, error="0.9", test="0.1"),
     "judge.mesh": Notice("judge.mesh", mesh="−1.56", error="0.21"),

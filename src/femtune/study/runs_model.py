@@ -118,7 +118,7 @@ def built_of_tables(
     parts = [used.runs for used in selected]
     # the central run is the first one, and it is usable
     order = asked.order if degree is None else degree
-    rules = _rules(asked) if order else None
+    rules = None if degree == 0 else _rules(asked)
     fitted = fit_configurations(parts, nodes, order, asked.crossed, centre, rules)
     notices = [n for used, f in zip(selected, fitted) for n in _notices(file, used, f)]
     count = min(runs.freq_hz.shape[1] for runs in parts)
