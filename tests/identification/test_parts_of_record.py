@@ -100,7 +100,7 @@ def test_the_part_of_noise_is_told() -> None:
     check_shown("identify.parts-disagree", told[0].notice)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("bursts", [False, True])
 def test_frequencies_that_change_by_chance_do_not_follow_the_force(bursts: bool) -> None:
     fits = [fitted(seed, 0.0007, bursts=bursts) for seed in range(16)]
