@@ -94,9 +94,9 @@ floor = {FLOOR}
 {left_out}"""
 
 
-def equalise(order: int, lines: float) -> str:
+def equalise(order: int, lines: float, then: str = "nothing") -> str:
     """One damping ratio on both sides; the largest order of the identification, and lines in a half bandwidth."""
-    return f'[equalise]\ndamping = {EQUALISED}\nlargest_order = {order}\nlines = {lines}\nthen = "nothing"\n'
+    return f'[equalise]\ndamping = {EQUALISED}\nlargest_order = {order}\nlines = {lines}\nthen = "{then}"\n'
 
 
 def bootstrap(runs: int) -> str:

@@ -374,7 +374,11 @@ def test_a_forbidden_pair_gives_way_to_the_next_best() -> None:
 def test_a_forbidden_member_forbids_the_whole_cluster() -> None:
     phi = _orthonormal()
     test, model = _modes([20.0, 20.1], phi[:, :2]), _modes([20.0, 20.0], phi[:, :2])
-    assert pair_modes(test, model, never=((0, 1),)).key == ((1, 1),)
+    found = pair_modes(test, model, never=((0, 1), (0, 0)))
+    assert (found.key, found.groups) == (((1, 1),), ((0, 1),))
+    (told,) = (n for n in found.notices if n.code == "correlate.never-cluster")
+    assert f"test mode {test.labels[0]} is paired with none of them" in told.what
+    assert found.unpaired_test[0].reason.endswith("and so with its whole cluster")
 
 
 def test_a_forbidden_pair_without_shapes_keeps_the_order_of_the_others() -> None:

@@ -13,7 +13,7 @@ from femtune import identify
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice
 from femtune.identification import InputKnown, identify_frfs
-from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, still_moving
+from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, still_moving, without_hits
 from femtune.modal import FrfSet, ModeSet, TimeSeries, mac, pole_of
 
 from .conftest import Known
@@ -78,6 +78,29 @@ def test_double_hits_and_overloads_are_left_out() -> None:
     check_shown("identify.hits-cut", short.notices[0])
     with pytest.raises(FemtuneError, match=r"identify\.resolution"):
         hits_of([good], longest=2000)
+
+
+@pytest.mark.parametrize("bad", [[], [0], [1], [2], [3], [1, 2], [0, 2], [0, 1]])
+def test_hits_are_cut_from_a_record_with_what_follows_them(bad: list[int]) -> None:
+    record = measured([40 + 1000 * i for i in range(4)], 4000)
+    found = [(41 + 1000 * i, 1033 + 1000 * i if i < 3 else 4000) for i in range(4)]
+    assert not hits_of([record]).left_out
+    cut, begins = without_hits(record, [found[i] for i in bad])
+    # a block begins eight samples before its hit; what comes before the first hit is rest, which goes with it
+    edges = [0, 1033, 2033, 3033, 4000]
+    good = [i for i in range(4) if i not in bad]
+    np.testing.assert_array_equal(
+        cut.values, np.hstack([record.values[:, edges[i] : edges[i + 1]] for i in good]), strict=True
+    )
+    ends = np.cumsum([0] + [edges[i + 1] - edges[i] for i in good])
+    assert list(begins) == [int(ends[j]) for j, i in enumerate(good) if j == 0 or i - 1 in bad]
+
+
+def test_the_hits_that_are_left_out_are_known_by_their_samples() -> None:
+    double = hits_of([measured([1040, 40, 2040, 3040], 4000, again=60)])
+    assert double.left_out == ((1041, 2033),)
+    assert not double.doubtful
+    assert hits_of([measured([40], 1200, again=60)]).doubtful
 
 
 def limited(record: TimeSeries, channel: int, part: float, both: bool = True) -> tuple[TimeSeries, list[bool]]:
@@ -358,3 +381,52 @@ def test_levels_of_a_hammer_that_roves_are_compared_with_the_scatter_of_the_hits
     assert functions.functions == 1
     assert functions.lowest == "1Z+ / 3Z+"
     assert functions.noise_percent is not None
+
+
+@pytest.mark.slow
+def test_the_decay_after_a_hit_that_is_left_out_is_no_error_of_the_next_one(tmp_path: Path) -> None:
+    """In blocks 30 % of the motion of each hit is left at the next one."""
+    for again in (False, True):
+        hits = [40, 560, 1080, 1600, 2120]
+        values = np.loadtxt(
+            slowly_decaying([*hits, *([1140] if again else [])], 2640, tmp_path), delimiter=",", skiprows=1
+        )
+        path = written(TimeSeries(values.T, CHANNELS, RATE), tmp_path / "again.csv")
+        made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0), output=tmp_path / "out")
+        assert ("identify.hit-left-out" in codes(made.found.notices)) == again
+        modes = made.modes
+        assert modes.freq_sd_hz is not None
+        assert modes.damping_sd is not None
+        assert modes.damping_ratio is not None
+        np.testing.assert_allclose(modes.freq_hz, FREQ, rtol=5e-5)
+        np.testing.assert_allclose(modes.damping_ratio, SLOW, rtol=5e-3)
+
+
+@pytest.mark.slow
+def test_a_hit_after_one_that_is_left_out_is_doubted(tmp_path: Path) -> None:
+    values = np.loadtxt(slowly_decaying([40, 100, 560], 1100, tmp_path), delimiter=",", skiprows=1)
+    path = written(TimeSeries(values.T, CHANNELS, RATE), tmp_path / "again.csv")
+    made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0), output=tmp_path / "out")
+    (said,) = [n for n in made.found.notices if n.code == "identify.unsound-hits"]
+    check_shown("identify.unsound-hits, decay", said)
+    assert {r.mode for r in made.found.remarks if r.doubtful} >= {0, 1, 2}
+
+
+@pytest.mark.slow
+def test_a_hit_long_after_one_that_is_left_out_is_not_doubted(tmp_path: Path) -> None:
+    record = measured([40, 3000], 6000, seed=5, again=60)
+    path = written(record, tmp_path / "again.csv")
+    # blocks of 2 s, not the whole record, which knows what was before its hit
+    made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0), resolution_hz=0.5)
+    assert {"identify.hit-left-out", "identify.one-hit"} <= set(codes(made.found.notices))
+    assert "identify.unsound-hits" not in codes(made.found.notices)
+
+
+@pytest.mark.slow
+def test_modes_of_clipped_hits_are_doubtful(tmp_path: Path) -> None:
+    record, stopped = limited(measured([40, 1040], 2000, seed=3), 1, 0.6)
+    assert stopped[:2] == [True, True]
+    made = identify(written(record, tmp_path / "clipped.csv"), sampling_hz=RATE, band_hz=(10.0, 90.0))
+    (said,) = [n for n in made.found.notices if n.code == "identify.unsound-hits"]
+    check_shown("identify.unsound-hits", said)
+    assert all(any(r.mode == i and r.doubtful for r in made.found.remarks) for i in range(len(made.modes)))

@@ -27,11 +27,11 @@ def phases(seed: int, samples: float, modes: int = 5, scatter: float = 1.0) -> n
 
 
 @pytest.mark.parametrize("modes", [3, 5])
-@pytest.mark.parametrize("scatter", [0.3, 1.0, 10.0])
+@pytest.mark.parametrize("scatter", [1.0, 10.0, 40.0])
 def test_forces_on_time_are_not_late(modes: int, scatter: float) -> None:
-    """Level 0.1 %: of 300 sets of phases at most three may be told with probability 0.9997."""
+    """Level 0.1 %, less with the correction for all delays; phases that scatter little have no delay that is told."""
     found = [late_force(phases(s, 0.0, modes, scatter), SD[:modes], FREQ[:modes], STEP_S) for s in range(300)]
-    assert sum(one is not None for one in found) <= 3
+    assert sum(one is not None for one in found) <= 1
 
 
 @pytest.mark.parametrize("samples", [0.5, 1.0, 2.0, 5.0, -1.0])

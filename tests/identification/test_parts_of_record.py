@@ -20,31 +20,42 @@ SHAPES = np.array([[1.0, 0.7, -0.5], [0.6, -0.9, 0.8]])
 CHANNELS = (*(Channel(Dof(i, "Z"), "acceleration") for i in (1, 2)), Channel(Dof(1, "Z"), "force", role="input"))
 
 
-def fitted(seed: int, changes: float = 0.0, parts: int = 6, *, bursts: bool = False, force: float = 0.0) -> ModalFit:
+def fitted(
+    seed: int,
+    changes: float = 0.0,
+    parts: int = 6,
+    *,
+    bursts: bool = False,
+    force: float = 0.0,
+    follows: float = 0.0,
+    sizes: tuple[float, float] = (0.7, 1.3),
+) -> ModalFit:
     """The fit of a record whose frequencies change from hit to hit, or from burst to burst.
 
     Parameters
     ----------
     changes : relative standard deviation of the frequencies
     force : noise of the force relative to its rms
+    follows : relative change of the frequencies with the square of the force
+    sizes : of the force
     """
     rng, samples = np.random.default_rng(seed), parts * BLOCK
     omega = 2.0 * np.pi * np.fft.rfftfreq(2 * samples, 1.0 / RATE)
     values = np.zeros((3, samples))
     for i in range(parts):
         single = np.zeros(2 * samples)
-        at = i * BLOCK + 40
+        at, size = i * BLOCK + 40, rng.uniform(*sizes)
         if bursts:
-            single[at : at + BLOCK // 2] = rng.standard_normal(BLOCK // 2)
+            single[at : at + BLOCK // 2] = size * rng.standard_normal(BLOCK // 2)
         else:
-            single[at] = rng.uniform(0.7, 1.3)
+            single[at] = size
         lines = np.fft.rfft(single) * (omega < 0.8 * np.pi * RATE)
-        own = 2.0 * np.pi * FREQ[:, None] * (1.0 + changes * rng.standard_normal((3, 1)))
+        own = 2.0 * np.pi * FREQ[:, None] * (1.0 + follows * size**2 + changes * rng.standard_normal((3, 1)))
         modal = -(omega**2) / (own**2 - omega**2 + 2j * DAMPING[:, None] * own * omega) * SHAPES[0][:, None]
         values[:2] += np.fft.irfft(SHAPES @ modal * lines)[:, :samples]
         values[2] += np.fft.irfft(lines)[:samples]
-    size = np.array([0.003, 0.003, force])[:, None] * values.std(axis=1, keepdims=True)
-    record = TimeSeries(values + size * rng.standard_normal(values.shape), CHANNELS, RATE)
+    noise = np.array([0.003, 0.003, force])[:, None] * values.std(axis=1, keepdims=True)
+    record = TimeSeries(values + noise * rng.standard_normal(values.shape), CHANNELS, RATE)
     whole = whole_record(record, "accelerance", *BAND)
     assert whole is not None
     fit = with_force_noise(fit_modes(whole.frfs, pole_of(FREQ, DAMPING), None, whole=whole), whole)
@@ -87,3 +98,37 @@ def test_the_part_of_noise_is_told() -> None:
     assert not any(r.doubtful for r in told)
     assert f"{1.0 / fit.by_noise[0]:.1f} times those of noise alone" in str(told[0].notice)
     check_shown("identify.parts-disagree", told[0].notice)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("bursts", [False, True])
+def test_frequencies_that_change_by_chance_do_not_follow_the_force(bursts: bool) -> None:
+    fits = [fitted(seed, 0.0007, bursts=bursts) for seed in range(16)]
+    tested = [
+        fit.by_force[fit.by_parts > 1.0, 0] for fit in fits if fit.by_parts is not None and fit.by_force is not None
+    ]
+    told = np.isfinite(np.concatenate(tested))
+    assert len(told) > 30
+    # 1 % of 48 with a probability of 0.998
+    assert told.sum() <= 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bursts", [False, True])
+@pytest.mark.parametrize("follows", [-0.002, 0.002])
+def test_frequencies_that_follow_the_force_are_told(bursts: bool, follows: float) -> None:
+    fits = [fitted(seed, bursts=bursts, follows=follows, sizes=(0.5, 1.5)) for seed in range(8)]
+    found = np.concatenate([fit.by_force for fit in fits if fit.by_force is not None])
+    told = np.isfinite(found[:, 0])
+    # six bursts of a random force load a mode by chance, beside their size
+    assert told.mean() > (0.4 if bursts else 0.7)
+    assert (np.sign(found[told, 0]) == np.sign(follows)).all()
+    # the largest of the square is 2.25
+    assert (np.abs(found[told, 0]) < 1.3 * 2.25 * abs(follows)).all()
+
+
+def test_what_follows_the_force_is_told() -> None:
+    fit = fitted(0, follows=-0.002, sizes=(0.5, 1.5))
+    told = [r for r in fit_remarks(fit, scaled_shapes(fit)) if r.notice.code == "identify.parts-disagree"]
+    assert [r.mode for r in told] == [0, 1, 2]
+    check_shown("identify.parts-disagree, force", told[0].notice)

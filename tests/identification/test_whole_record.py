@@ -74,6 +74,42 @@ def test_without_the_transients_of_the_ends_the_damping_is_wrong() -> None:
     assert np.abs(plain.damping_ratio / DAMPING - 1.0).max() > 0.05
 
 
+@pytest.mark.slow
+def test_a_record_of_two_pieces_has_the_transients_of_both() -> None:
+    inside, far = 0, 0
+    for seed in range(12):
+        record = measured(seed)[0]
+        # what comes between them is lost; the second piece begins in motion
+        values = np.hstack([record.values[:, :2000], record.values[:, 3100:]])
+        pieces = replace(record, values=values)
+        for begins in ((0, 2000), (0,)):
+            whole = whole_record(pieces, "accelerance", *BAND, begins=begins)
+            assert whole is not None
+            modes = as_modes(fit_modes(whole.frfs, START, None, whole=whole))
+            assert modes.freq_sd_hz is not None
+            assert modes.damping_sd is not None
+            assert modes.damping_ratio is not None
+            of_freq = (modes.freq_hz - FREQ) / modes.freq_sd_hz
+            score = np.abs(np.append(of_freq, (modes.damping_ratio - DAMPING) / modes.damping_sd))
+            if len(begins) == 2:
+                inside += int(np.sum(score <= 1.96))
+                error = float(np.abs(modes.damping_ratio / DAMPING - 1.0).max())
+                assert error < 0.03
+            else:
+                far += int(np.sum(score > 1.96))
+    # 95 % of 72 with a probability of 0.999
+    assert inside >= 60
+    assert far > 20
+
+
+def test_the_noise_of_two_pieces_is_that_of_one() -> None:
+    record, sd = measured(3)
+    pieces = replace(record, values=np.hstack([record.values[:, :2000], record.values[:, 3100:]]))
+    whole = whole_record(pieces, "accelerance", *BAND, begins=(0, 2000))
+    assert whole is not None
+    assert np.median(whole.noise, axis=1) / np.sqrt(pieces.samples) == pytest.approx(sd, rel=0.15)
+
+
 def test_the_noise_is_found_between_the_lines() -> None:
     record, sd = measured(3)
     whole = whole_record(record, "accelerance", *BAND)

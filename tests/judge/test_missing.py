@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom, f
 
 from femtune.arrays import Reals
-from femtune.judge.missing import p_of_refit, score_test
+from femtune.judge.missing import mode_that_asks, p_of_refit, score_test
 from femtune.judge.whitened import Whitened
 
 
@@ -143,3 +145,66 @@ def test_refit_of_a_linear_model_has_the_p_value_of_the_field() -> None:
     p = p_of_refit(_record(r, J, kinds), _record(r, wide, kinds))
     np.testing.assert_allclose(p, found.p_alone[0], rtol=1e-6)
     assert p_of_refit(_record(r, J, kinds), _record(r[1:], wide[1:], kinds[1:])) is None
+
+
+def _of_modes(r: Reals, J: Reals) -> Whitened:
+    """Five modes of a frequency and five entries of a shape each."""
+    kinds = ("frequency", *("shape",) * 5) * 5
+    return replace(_record(r, J, kinds), modes=tuple(str(1 + i // 6) for i in range(30)))
+
+
+def _after(record: Whitened, column: Reals) -> Reals:
+    """Residuals of a refit with the field of a column, of a linear model."""
+    return replace(record, J=np.column_stack([record.J, column])).left
+
+
+def test_the_one_mode_that_asks_for_a_field() -> None:
+    """A field whose effect the third mode alone has, and the same field with its effect on all modes."""
+    random = np.random.default_rng(5)
+    J, column = random.normal(size=(30, 2)), random.normal(size=30)
+    record = _of_modes(random.normal(size=30), J)
+    third = np.array([m == "3" for m in record.modes])
+    alone = replace(record, r=record.across(record.r + 6.0 * third * column))
+    found = mode_that_asks(alone, column, _after(alone, column))
+    assert found is not None
+    assert (found.configuration, found.mode) == ("", "3")
+    assert found.before > found.after
+    assert found.p_without > 0.05
+    everywhere = replace(record, r=record.across(record.r + 6.0 * column))
+    assert mode_that_asks(everywhere, column, _after(everywhere, column)) is None
+    # a refit that lowers nothing, and two modes, of which one has most anyway
+    assert mode_that_asks(alone, column, alone.r) is None
+    two = replace(alone, modes=tuple("3" if m == "3" else "1" for m in alone.modes))
+    assert mode_that_asks(two, column, _after(two, column)) is None
+    # where the other modes do not see the field at all
+    own = np.where(third, column, 0.0)
+    seen = mode_that_asks(replace(alone, J=np.zeros((30, 0))), own, _after(alone, own))
+    assert seen is not None
+    assert seen.p_without == 1.0
+
+
+@pytest.mark.slow
+def test_doubtful_modes_are_named_and_fields_of_all_modes_are_not() -> None:
+    """Of 200 tests with one bad mode nearly all are named; of 200 with a wrong field, as many as the level."""
+    random, named = np.random.default_rng(11), np.zeros(2)
+    for _ in range(200):
+        J, column = random.normal(size=(30, 3)), random.normal(size=30)
+        record = _of_modes(random.normal(size=30), J)
+        bad = np.array([m == "2" for m in record.modes])
+        for k, effect in enumerate((np.where(bad, column, 0.0), column)):
+            size = 6.0 / np.linalg.norm(record.across(effect))
+            one = replace(record, r=record.across(record.r + size * effect))
+            found = mode_that_asks(one, column, _after(one, column))
+            named[k] += found is not None and (k == 1 or found.mode == "2")
+    bad_mode, wrong_field = named / 200
+    assert bad_mode > 0.85
+    assert wrong_field < 0.05
+
+
+def test_the_errors_of_all_modes_are_those_of_none() -> None:
+    random, n = np.random.default_rng(3), 60
+    record = replace(
+        _record(random.normal(size=n), np.zeros((n, 0)), ("shape",) * n),
+        modes=tuple(str(i // 10) for i in range(n)), configurations=("",) * n,
+    )  # fmt: skip
+    assert mode_that_asks(record, record.r, 0.5 * record.r) is None

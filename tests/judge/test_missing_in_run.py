@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -9,9 +11,11 @@ import numpy as np
 import pytest
 
 import femtune as ft
+from femtune.cli import main
 from femtune.document.document import Paragraph
 from femtune.document.figures.elements import elements_svg
 from femtune.document.figures.shapes import COLOURS
+from femtune.files.uff import write_uff_modes
 from femtune.steps.judge.page.missing import missing_blocks
 from femtune.steps.judge.reasons.missing import missing_reasons
 from femtune.steps.judge.record.judgement import JudgementResults
@@ -53,6 +57,22 @@ def test_reason_of_a_confirmed_field() -> None:
     assert weight == "not accepted"
     assert "PSHELL 2 T (or what looks like it: MAT1 1 E, PSHELL 4 T and 1 more)" in said
     assert "an increase by 10 % lowers χ² from 300 to 90" in said
+
+
+def test_a_field_that_explains_one_mode_stands_beside_the_mode() -> None:
+    of_one = {"mode": "8 (free)", "mode_before": 290.0, "mode_after": 60.0, "p_without_mode": 0.4}
+    refit = _refit(1e-6).model_copy(update=of_one)
+    (one,) = _found(0.001, _field(refit=refit))
+    assert one.weight == "not accepted"
+    assert one.brief == "test mode 8 (free) is doubtful, or PSHELL 2 T is wrong and is not a parameter"
+    assert "an increase by 10 % lowers χ² from 300 to 90, but without this mode" in one.sentence
+    (one,) = _found(0.001, _field(refit=_refit(1e-6, at_bound=True).model_copy(update=of_one)))
+    assert "an increase by 10 %, the limit of its usual range, lowers χ²" in one.sentence
+    mass = _field(largest_mass=0.5, mass_unit="kg", field="mass", place="at grid point 306", refit=refit)
+    assert _found(0.001, mass)[0].brief == "test mode 8 (free) is doubtful, or a mass is missing at grid point 306"
+    support = _field(stiffness=4e5, field="support", place="at grid point 102 in DOF 2", refit=refit)
+    brief = _found(0.001, support)[0].brief
+    assert brief == "test mode 8 (free) is doubtful, or the support at grid point 102 in DOF 2 gives way"
 
 
 def test_what_is_not_confirmed_is_a_reservation() -> None:
@@ -211,3 +231,39 @@ def test_drawing_of_faces_lines_and_dots() -> None:
     assert drawn.count("<circle") == 1
     assert f'stroke="{COLOURS[-1]}"' in drawn
     assert f'fill="{COLOURS[0]}"' in drawn
+
+
+@pytest.mark.slow
+def test_a_mode_that_was_identified_badly_is_named_beside_the_field(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The model is right, and the shape of mode 6 has 0.3 of mode 5: in the terminal, in the report and in its data."""
+    deck, test = tmp_path / "model.bdf", tmp_path / "test.uff"
+    deck.write_text(FRAME.deck)
+    right = ft.simulate(
+        deck, FRAME.sensors, units="m-kg-s", count=FRAME.modes, frequency_scatter=0.003, shape_scatter=0.02, seed=1
+    )
+    assert right.modes is not None
+    shapes = right.modes.shapes.copy()
+    shapes[:, 5] += 0.3 * shapes[:, 4] * np.linalg.norm(shapes[:, 5]) / np.linalg.norm(shapes[:, 4])
+    write_uff_modes(test, replace(right, modes=replace(right.modes, shapes=shapes)))
+    own = "\n".join(
+        f'[[parameter]]\nname = "p{i}"\nfields = ["{name}"]\nlower = 0.5\nupper = 2.0'
+        for i, name in enumerate(FRAME.parameters)
+    )
+    (tmp_path / "study.toml").write_text(
+        f'[study]\ntitle = "frame"\ndeck = "model.bdf"\nunits = "m-kg-s"\n[modes]\ncount = {FRAME.modes + 5}\n'
+        f'[test]\nfile = "test.uff"\n{own}\n[residuals]\nfrequency_sd = 0.003\nshape_sd = 0.02\n'
+    )
+    with pytest.raises(SystemExit) as end:
+        main(["run", str(tmp_path / "study.toml")])
+    assert end.value.code == 4
+    said = "test mode 6 (baseline) is doubtful, or a mass is missing at grid point 7"
+    assert said in " ".join(capsys.readouterr().out.split())
+    judged = json.loads((tmp_path / "run" / "results.json").read_text())["judgement"]
+    assert said in judged["line"]
+    (refit,) = (f["refit"] for f in judged["missing"]["fields"][:1])
+    assert refit["mode"] == "6 (baseline)"
+    assert refit["p_without_mode"] > 0.05
+    first_page = (tmp_path / "run" / "report.html").read_text().partition("<h2")[0]
+    assert said in first_page

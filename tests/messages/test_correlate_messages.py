@@ -53,6 +53,11 @@ def _inverted() -> tuple[Notice, ...]:
     return correlate(_modes([10.0, 20.0], shapes * [[-0.6], [1], [1], [1]]), model).notices
 
 
+def _never_cluster() -> tuple[Notice, ...]:
+    modes = _modes([10.0, 10.01], _EYE[:, :2])
+    return pair_modes(modes, modes, never=((0, 1),)).notices
+
+
 def _crowded() -> tuple[Notice, ...]:
     return pair_modes(_modes([10.0], _EYE[:, :1]), _modes([10.0, 10.05, 10.1], _EYE[:, :3])).notices
 
@@ -83,6 +88,7 @@ _CASES: dict[str, Callable[[], object]] = {
     "correlate.gate": lambda: pair_modes(_modes([1.0], _EYE[:, :1]), _modes([1.0], _EYE[:, :1]), frequency_gate=30.0),
     "correlate.no-pairs": _none_paired,
     "correlate.crowded-cluster": _crowded,
+    "correlate.never-cluster": _never_cluster,
     "correlate.sensor-inverted": _inverted,
     "correlate.sensors-exchanged": _exchanged,
     "correlate.suspension": _suspension,

@@ -37,6 +37,18 @@ _CASES: dict[str, Notice] = {
     "judge.missing, limit": Notice(
         "judge.missing/at-limit", field="PSHELL 2 T", change="an increase by 25 %", before="1025", after="181"
     ),
+    "judge.missing, one mode": Notice(
+        "judge.missing/one-mode", field="PSHELL 1 T, 15 elements around (0.38, 0.22, 0.4)", mode="8 (as built)",
+        change="an increase by 2.15 %", before="44.75", after="34.19", chance="p = 0.41",
+    ),
+    "judge.missing, mass and one mode": Notice(
+        "judge.missing/mass-one-mode", position="at grid point 306", mode="8 (as built)", mass="0.23 kg",
+        before="44.75", after="34.19", chance="p = 0.41",
+    ),
+    "judge.missing, support and one mode": Notice(
+        "judge.missing/support-one-mode", position="at grid point 102 in DOF 2", mode="8 (as built)",
+        stiffness="4e+05 N/m", before="44.75", after="34.19", chance="p = 0.41",
+    ),
     "judge.missing, mass": Notice(
         "judge.missing/mass", position="at grid point 306", mass="0.23 kg", before="301.6", after="177"
     ),
@@ -114,6 +126,7 @@ _CASES: dict[str, Notice] = {
         standard="ECSS-E-ST-32-11C", remark="",
     ),
     "judge.nothing-held-out": Notice("judge.nothing-held-out"),
+    "judge.nothing-held-out, no criterion": Notice("judge.nothing-held-out/no-criterion"),
     "judge.not-independent": Notice("judge.not-independent", data="held-out modes and held-out sensors"),
     "judge.scatter": Notice("judge.scatter", pairs=6, error="0.9", test="0.1"),
     "judge.mesh": Notice("judge.mesh", mesh="−1.56", error="0.21"),

@@ -82,6 +82,10 @@ def test_the_mass_after_an_update_of_a_mass(tmp_path: Path) -> None:
     # the mass at the free points is known: the tip is two of 8.87 kg
     expected = 100.0 * 2.0 * (done.values["tip"] - 1.0) / before.total[1]
     assert abs(float(found[1].replace("−", "-")) - expected) < 0.02
+    sums = 100.0 * np.sum(np.array(after.fractions)[:, :3], axis=0)
+    said = re.search(r"sums of their effective masses in X, Y, Z ([\d.]+), ([\d.]+), ([\d.]+) %", _basis(done.report))
+    assert said is not None
+    assert [float(part) for part in said.groups()] == pytest.approx(sums.tolist(), abs=0.06)
 
 
 @pytest.mark.slow

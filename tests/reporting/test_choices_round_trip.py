@@ -32,7 +32,7 @@ file = "cantilever.uff"
 
 [[parameter]]
 name = "root"
-fields = ["PBAR 1 I1"]
+fields = ["PBAR 1 I1", "PBAR 1 I2"]
 lower = 0.5
 upper = 2.0
 
@@ -113,7 +113,7 @@ def test_from_the_page_to_the_same_modes_pairs_and_parameters(study: Path, tmp_p
 
     again = ft.run(study, choices=choices, output=tmp_path / "again")
     assert {p.name: (p.fields, p.lower, p.upper) for p in again.results.parameters} == {
-        "root": (("PBAR 1 I1",), 0.5, 2.0),
+        "root": (("PBAR 1 I1", "PBAR 1 I2"), 0.5, 2.0),
         "I1_PBAR_2": (("PBAR 2 I1",), 0.7, 1.4),
     }
     # the page of that run begins with these choices and saves the same file
@@ -125,7 +125,9 @@ def test_from_the_page_to_the_same_modes_pairs_and_parameters(study: Path, tmp_p
     first = ft.init(tmp_path / "cantilever.bdf", tmp_path / "cantilever.uff", tmp_path / "first", choices=choices)
     (of_first,) = ft.correlate(first.path)
     assert [(p.test_label, p.model_number) for p in of_first.pairs] == [("1", 1), ("2", 2)]
-    assert [p.name for p in ft.Study(first.path).file.parameter] == ["root", "I1_PBAR_2"]
+    assert [(p.name, p.fields) for p in ft.Study(first.path).file.parameter] == [
+        ("root", ("PBAR 1 I1", "PBAR 1 I2")), ("I1_PBAR_2", ("PBAR 2 I1",)),
+    ]  # fmt: skip
 
 
 def test_a_report_without_a_page_of_choices_has_none(tmp_path: Path) -> None:

@@ -80,6 +80,9 @@ def test_compared_functions_are_those_of_decks(compared: RunResult, bench: Bench
     assert f.region is not None
     assert f.bounds is not None
     assert (f.region.points, f.bounds.points) == (4, 4)
+    names = [f"{output} by {of_input}" for output in f.outputs for of_input in f.inputs]
+    assert f.region.function in names
+    assert f.bounds.function in names
     assert _apart(compared, bench.folder, CANTILEVER) < 0.01
     assert f.bounds.percent < 0.01
     # their frequencies are the model's own: the test has no modes

@@ -41,6 +41,9 @@ def test_a_run_with_a_posterior(bench: Bench) -> None:
     assert "Distribution of the parameters: filled the samples" in page
     # the table of the update says where the sampled intervals are
     assert "The study has a sampled distribution of the parameters" in page
+    # also beside what changed, on the first page
+    changed = page.partition("What changed")[2].partition("Reasons for the verdict")[0]
+    assert "The study has a sampled distribution of the parameters" in changed
     assert "times as wide as those of the update" in page
     # an interrupted run solves what is missing, with the same result
     file = run.folder / POSTERIOR_FILE

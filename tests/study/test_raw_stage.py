@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +18,7 @@ from femtune.identification import equal_damping
 from femtune.model import damping_by_mode, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.residuals.frf import measured_damping
-from femtune.residuals.frf.refined_damping import with_refined_damping
+from femtune.residuals.frf.refined_damping import refined_on_reduced, with_refined_damping
 from femtune.steps.run.result import RunResult
 from femtune.steps.update import raw
 from femtune.steps.update import run as update_run
@@ -149,10 +150,12 @@ def test_a_wrong_mass_is_told_and_a_right_model_is_not_accused(bench: Bench, mas
 
 
 @pytest.mark.slow
-def test_exact_functions_give_exact_parameters(bench: Bench) -> None:
+@pytest.mark.parametrize("reduction", ["", "[reduction]\n"])
+def test_exact_functions_give_exact_parameters(bench: Bench, reduction: str) -> None:
     measure(bench, 0.0)
-    update = ft.update(study(bench)).results.update
+    update = ft.update(study(bench, reduction)).results.update
     assert update is not None
+    assert (update.reduction is not None) is bool(reduction)
     for p in update.parameters:
         assert p.value == pytest.approx(TRUTH[p.name], rel=1e-6)
 
@@ -212,7 +215,8 @@ def test_what_the_notices_say(code: str, facts: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-def test_damping_of_a_mode_beside_the_band(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("reduction", ["", "[reduction]\n"])
+def test_damping_of_a_mode_beside_the_band(bench: Bench, monkeypatch: pytest.MonkeyPatch, reduction: str) -> None:
     """Its ratio is found from exact functions that end below it; it is another one than those of the modes inside."""
     zeta = (0.004, 0.004, 0.02, 0.01, *([0.01] * 16))
     monkeypatch.setattr("tests.study.test_raw_stage.LINES", np.arange(5.0, 150.0, 0.25))
@@ -220,12 +224,13 @@ def test_damping_of_a_mode_beside_the_band(bench: Bench, monkeypatch: pytest.Mon
     measure(bench, 0.0)
     found = []
 
-    def kept(*given: Any) -> Any:
-        found.append((given[3], with_refined_damping(*given)))
+    def kept(refine: Any, *given: Any) -> Any:
+        found.append((given[3], refine(*given)))
         return found[-1][1]
 
-    monkeypatch.setattr(raw, "with_refined_damping", kept)
-    assert ft.update(study(bench)).results.update is not None
+    refine = refined_on_reduced if reduction else with_refined_damping
+    monkeypatch.setattr(raw, refine.__name__, partial(kept, refine))
+    assert ft.update(study(bench, reduction)).results.update is not None
     paired, refined = found[-1]
     beside = zeta.index(0.02)
     assert beside in set(refined.modes.tolist()) - set(paired)

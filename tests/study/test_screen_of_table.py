@@ -54,6 +54,29 @@ def test_f_values_of_the_published_array(tmp_path: Path) -> None:
     assert len(lines) == 19
 
 
+def test_finished_runs_need_no_fit(tmp_path: Path) -> None:
+    """18 runs are not enough for the default polynomials in five parameters, and are analysed nevertheless."""
+    path = study(tmp_path)
+    path.write_text(path.read_text().replace("degree = 1\n", ""))
+    with pytest.raises(FemtuneError, match="too-few"):
+        ft.modes(path)
+    asked, by_default = ft.screen(path, design="table"), ft.screen(path)
+    assert asked.record == by_default.record
+    assert asked.record.error_freedom == 7
+    assert [f.path for f in asked.results.provenance.input_files] == ["runs.csv"]
+    # as a study of a fit says it, whose middle run is the same
+    assert asked.record == ft.screen(study(tmp_path), design="table").record
+
+
+def test_runs_at_no_levels_are_screened_by_their_fit(tmp_path: Path) -> None:
+    path = study(tmp_path)
+    heads, *lines = (tmp_path / "runs.csv").read_text().splitlines()
+    moved = np.random.default_rng(1).uniform(0.999, 1.001, rack.RUNS.shape) * rack.RUNS
+    rows = [",".join([*(f"{v:.6g}" for v in x), *line.split(",")[5:]]) for x, line in zip(moved, lines)]
+    (tmp_path / "runs.csv").write_text("\n".join([heads, *rows]) + "\n")
+    assert ft.screen(path).record.design == "L18"
+
+
 def test_values_that_are_no_frequencies_are_not_called_modes(tmp_path: Path) -> None:
     found = ft.screen(study(tmp_path), design="table", responses=["rms_g", "rms_g"], report=tmp_path / "page.html")
     assert [m.response for m in found.record.modes] == [""] * 6 + ["rms_g"]
@@ -103,12 +126,12 @@ def test_refusals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, op
     check_shown(name, caught.value)
 
 
-def test_a_table_needs_runs() -> None:
+def test_a_table_needs_runs(tmp_path: Path) -> None:
     from femtune.testing import example_deck  # noqa: PLC0415
 
     free = [ft.Parameter("root", fields=["PBAR 1 I1"], lower=0.8, upper=1.2)]
     with pytest.raises(FemtuneError) as caught:
-        ft.screen(ft.read_deck(example_deck(), units="m-kg-s"), parameters=free, design="table")
+        ft.screen(ft.read_deck(example_deck(tmp_path), units="m-kg-s"), parameters=free, design="table")
     check_shown("screen.design, table", caught.value)
 
 

@@ -159,6 +159,22 @@ def test_held_out_data(data: str, verdict: str, expected: dict[str, str]) -> Non
 
 
 @pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ("validation", "the FRFs that are held out were compared, but no criterion says what they must meet"),
+        ("calibration", "the model was not tested on data that the update did not use"),
+    ],
+)
+def test_held_out_functions_without_a_criterion_are_not_said_to_be_missing(data: str, said: str) -> None:
+    one = {"configuration": "c", "input": "1Z+", "output": "2Z+", "data": data, "before": 1.0, "after": 0.1, "lines": 9}
+    deviations = {"sums": [], "channels": [one], "sentences": []}
+    found = {"predictions": [], "not_tested": [], "verdicts": [], "deviations": deviations}
+    judged = _judged(_bare(4, validation=found))
+    (held,) = [r for r in judged.reasons if r.code == "judge.nothing-held-out"]
+    assert held.sentence == said
+
+
+@pytest.mark.parametrize(
     ("error", "weight"), [(0.19, None), (0.21, "reservation"), (2.4, "reservation"), (2.6, "not accepted")]
 )
 def test_frequency_errors_beside_the_repeatability(error: float, weight: str | None) -> None:

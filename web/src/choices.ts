@@ -1,7 +1,7 @@
 // Pairs, modes, sensors and parameters that a reader chooses, saved as choices.toml for femtune run, correlate and init.
 
 import { unpack, type Choices, type FieldChoice, type ModeChoices, type SceneData } from "./data.ts";
-import { choice, h, hertz, save, shown } from "./dom.ts";
+import { choice, cycles, h, hertz, save, shown } from "./dom.ts";
 import { MatrixGrid, type MatrixCell } from "./matrix.ts";
 import { partName, PartsPicture } from "./parts.ts";
 import { quoted } from "./stabilisation.ts";
@@ -30,6 +30,12 @@ export function turn(chosen: Chosen, test: string, model: number): State {
   return "fixed";
 }
 
+/** What else a pair that is never made forbids, in a sentence; "" where its model mode is not one of close ones. */
+export function alsoForbidden(of: ModeChoices, test: string, model: number): string {
+  const close = of.close.find((modes) => modes.includes(model));
+  return close ? ` Model modes ${close.slice(0, -1).join(", ")} and ${close[close.length - 1]} are close and are compared as one subspace: test mode ${test} will be paired with none of them.` : "";
+}
+
 const factor = (value: number) => { const text = String(Number(value.toPrecision(12))); return /[.e]/.test(text) ? text : `${text}.0`; };
 
 /** The file of the choices. A mode that is left out without a reason is not in it. */
@@ -49,7 +55,7 @@ export function choicesFile(data: Choices, chosen: Chosen[], fields: FieldChoice
     for (const [mode, reason] of leftOut) if (reason.trim()) { head("leave_out"); lines.push(`mode = ${quoted(mode)}`, `reason = ${quoted(reason.trim())}`, ""); }
     for (const sensor of off) { head("sensor_off"); lines.push(`sensor = ${quoted(sensor)}`, ""); }
   });
-  for (const p of fields) lines.push("[[parameter]]", `name = ${quoted(p.name)}`, `field = ${quoted(p.field)}`, `lower = ${factor(p.lower)}`, `upper = ${factor(p.upper)}`, "");
+  for (const p of fields) lines.push("[[parameter]]", `name = ${quoted(p.name)}`, `field = ${quoted(p.field)}`, ...(p.further.length ? [`further_fields = [${p.further.map(quoted).join(", ")}]`] : []), `lower = ${factor(p.lower)}`, `upper = ${factor(p.upper)}`, "");
   return lines.join("\n");
 }
 
@@ -84,10 +90,11 @@ export class Chooser {
       this.fillFields();
       this.told.textContent = "The choices are those of the study.";
     };
+    const kept = data.kept.length ? ` The file of choices cannot have ${data.kept.join(", ")} (a unit, a tie, some elements only, or a field that is not in this list): femtune run and femtune correlate keep them from the study, and femtune init does not write them.` : "";
     this.element = h("div", { class: "chooser", role: "group", "aria-label": "Choices by hand" },
       h("p", { class: "note" }, "Choices go into a file that femtune run, femtune correlate and femtune init take with --choices. They are refused if the deck or a test has changed since, or the model mode of a pair. A pair, a mode or a sensor that the study file itself states and that is taken back here is not in the file: delete it in the study."),
       h("div", { class: "controls" }, this.configuration.label), this.modes,
-      ...(data.fields.length ? [h("fieldset", {}, h("legend", {}, "Parameters: fields of the deck"), h("p", { class: "note" }, `${this.picture ? "A click on a part of the structure shows its fields; parts with a parameter are orange. " : ""}A parameter that stands in the study itself stays one.`),
+      ...(data.fields.length ? [h("fieldset", {}, h("legend", {}, "Parameters: fields of the deck"), h("p", { class: "note" }, `${this.picture ? "A click on a part of the structure shows its fields; parts with a parameter are orange. " : ""}A parameter that stands in the study itself stays one.${kept}`),
         ...(this.picture ? [h("div", { class: "by-part" }, this.picture.element, this.ofPart), h("details", {}, h("summary", {}, `All ${data.fields.length} fields`), this.list)] : [this.list]))] : []),
       h("div", { class: "tools" }, button("Save choices.toml", () => save("choices.toml", new Blob([this.text.value], { type: "application/toml" }))),
         button("Copy", () => void this.copy()), button("As in the study", begin)),
@@ -120,7 +127,7 @@ export class Chooser {
     const cells = of.test_labels.map((test, i) => of.numbers.map((model, k): MatrixCell => {
       const value = mac[i * of.numbers.length + k], state = stateOf(chosen, test, model), pair = pairs.has(`${test}|${model}`);
       const text = value < 0 ? "MAC not tested" : `MAC ${value.toFixed(2)}`;
-      const label = `Test mode ${test}, ${shown(of.test_freq_hz[i])} Hz; model mode ${model}, ${hertz(of.model_freq_hz[k])}; ${text}; ${WORDS[state]}${pair ? "; a pair of this run" : ""}`;
+      const label = `Test mode ${test}, ${cycles(of.test_freq_hz[i])} Hz; model mode ${model}, ${hertz(of.model_freq_hz[k])}; ${text}; ${WORDS[state]}${pair ? "; a pair of this run" : ""}`;
       return { row: i, column: k, value, pair, label, disabled: false, look: state || (pair ? "of-run" : ""), sign: SIGNS[state] };
     }));
     const rows = of.test_labels.map((label, i) => `${label}: ${shown(of.test_freq_hz[i], 3)} Hz`);
@@ -129,7 +136,7 @@ export class Chooser {
       this.fill();
       // the matrix is a new one: the focus stays on its cell
       this.last!.focus(row, column);
-      this.told.textContent = `Test mode ${test} and model mode ${model}: ${WORDS[state]}.`;
+      this.told.textContent = `Test mode ${test} and model mode ${model}: ${WORDS[state]}.${state === "never" ? alsoForbidden(of, test, model) : ""}`;
     });
     this.last = made;
     return made;
@@ -142,7 +149,7 @@ export class Chooser {
       type: "text", maxlength: 200, value: chosen.leftOut.get(label) ?? "", placeholder: "reason", disabled: !chosen.leftOut.has(label),
       "aria-label": `Reason for leaving out test mode ${label}`, input: () => { chosen.leftOut.set(label, reason.value); this.changed(""); },
     });
-    const box = this.box(`${label}, ${shown(hz)} Hz`, chosen.leftOut.has(label), (on) => {
+    const box = this.box(`${label}, ${cycles(hz)} Hz`, chosen.leftOut.has(label), (on) => {
       reason.disabled = !on;
       if (!on) chosen.leftOut.delete(label);
       else {
@@ -159,7 +166,7 @@ export class Chooser {
   /** The fields of a part of the picture. */
   private of(part: number): FieldChoice[] {
     const names = new Set(this.scene?.part_fields[part] ?? []);
-    return this.data.fields.filter((f) => names.has(f.field)).sort((a, b) => Number(a.field.startsWith("MAT")) - Number(b.field.startsWith("MAT")));
+    return this.data.fields.filter((f) => [f.field, ...f.further].some((field) => names.has(field))).sort((a, b) => Number(a.field.startsWith("MAT")) - Number(b.field.startsWith("MAT")));
   }
 
   /** The list of all fields, and that of the part which is chosen. */
@@ -180,7 +187,7 @@ export class Chooser {
   private fillList(): void { this.list.replaceChildren(...this.data.fields.map((f) => this.fieldBox(f, () => this.fillPart(this.picture?.part ?? -1)))); }
 
   private fieldBox(f: FieldChoice, after: () => void): HTMLLabelElement {
-    return this.box(`${f.field} = ${shown(f.value)}, ${f.what}`, this.parameters.has(f.field), (on) => {
+    return this.box(`${f.field} = ${shown(f.value)}, ${f.what}${f.further.length ? `; with the same factor ${f.further.join(", ")}` : ""}`, this.parameters.has(f.field), (on) => {
       if (on) this.parameters.add(f.field); else this.parameters.delete(f.field);
       this.changed(`${f.field}: ${on ? "a parameter" : "no parameter of the choices"}.`);
       after();

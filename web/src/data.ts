@@ -47,7 +47,7 @@ export interface LiveCertificate { other: string; points: number; corners: numbe
 export interface LiveFunctions {
   kind: string; ordinate: string; look: string; outputs: string[]; inputs: string[]; freq_hz: Packed; test_real: Packed; test_imaginary: Packed;
   output_rows: Packed; input_rows: Packed; modes: number; ratios: number[]; ratios_hz: number[]; hysteretic: boolean; loss_factor: number;
-  si: number; label: string; form: string; sd: Packed | null; shift: Packed | null; note: string; errors: [string, number, number][];
+  si: number; label: string; form: string; sd: Packed | null; shift: Packed | null; note: string; errors: [string, number, number, string][];
 }
 export interface LiveCriterion { name: string; quantity: string; at_most: boolean; limit: number; unit: string; measured: number | null; verdict: string; remark: string }
 export interface LiveConfiguration {
@@ -61,10 +61,10 @@ export interface Live {
 }
 export interface ModeChoices {
   configuration: string; test_labels: string[]; test_freq_hz: number[]; numbers: number[]; model_freq_hz: number[]; mac: Packed;
-  pairs: [string, number][]; fixed: [string, number][]; never: [string, number][]; left_out: [string, string][]; sensors: string[]; off: string[];
+  pairs: [string, number][]; fixed: [string, number][]; never: [string, number][]; close: number[][]; left_out: [string, string][]; sensors: string[]; off: string[];
 }
-export interface FieldChoice { name: string; field: string; what: string; value: number; lower: number; upper: number; chosen: boolean }
-export interface Choices { inputs: { path: string; sha256: string }[]; configurations: ModeChoices[]; fields: FieldChoice[] }
+export interface FieldChoice { name: string; field: string; what: string; value: number; lower: number; upper: number; chosen: boolean; further: string[] }
+export interface Choices { inputs: { path: string; sha256: string }[]; configurations: ModeChoices[]; fields: FieldChoice[]; kept: string[] }
 export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null; stabilisation: Stabilisation | null; live: Live | null; choices: Choices | null }
 
 const BYTES = { u1: 1, u2: 2, u4: 4, i1: 1, i2: 2, f4: 4, f8: 8 };

@@ -38,8 +38,12 @@ export function shown(value: number | null | undefined, digits = 4): string {
 /** Rounding lifts the frequencies of rigid-body modes from zero, not as far as this. */
 export const RIGID_HZ = 1e-3;
 
+/** A frequency with five digits everywhere, so that one value does not look like two; zeros at its end stay. */
+export const cycles = (hz: number | null | undefined): string =>
+  hz === null || hz === undefined || !Number.isFinite(hz) ? "–" : hz <= RIGID_HZ ? "0" : hz >= 1e5 ? shown(hz, 6) : hz.toPrecision(5);
+
 /** The frequency of a model mode. */
-export const hertz = (hz: number): string => hz > RIGID_HZ ? `${shown(hz)} Hz` : "0 Hz (rigid body)";
+export const hertz = (hz: number): string => hz > RIGID_HZ ? `${cycles(hz)} Hz` : "0 Hz (rigid body)";
 
 /** Offer a file to the reader. */
 export function save(name: string, content: Blob): void {

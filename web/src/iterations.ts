@@ -1,7 +1,7 @@
 // The update step by step: parameters, frequencies and MAC at the iteration that a slider chooses.
 
 import { unpack, type History, type IterationFunctions } from "./data.ts";
-import { h, labelled, shown } from "./dom.ts";
+import { cycles, h, labelled, shown } from "./dom.ts";
 import { FunctionPlot, linesOf, type Line, type Source } from "./functions.ts";
 import { enhance } from "./tables.ts";
 
@@ -34,7 +34,7 @@ export class Iterations {
     this.slider = h("input", { type: "range", min: 0, max: last, step: 1, value: last, input: () => this.show(Number(this.slider.value)) });
     const tables = [
       this.table("Parameters", ["Parameter", "Unit", "Initial", "Value", "Change %"], data.parameters.map((name, i) => [name, data.units[i] || "–", shown(data.nominal[i])]), this.values, 2),
-      this.table("Modes", ["Test mode", "Test Hz", "Model Hz", "Error %", "MAC"], data.modes.map((m) => [`${m.configuration} ${m.test_label}`, shown(m.test_freq_hz)]), this.modes, 3),
+      this.table("Modes", ["Test mode", "Test Hz", "Model Hz", "Error %", "MAC"], data.modes.map((m) => [`${m.configuration} ${m.test_label}`, cycles(m.test_freq_hz)]), this.modes, 3),
     ];
     this.element = h("div", { class: "iterations" }, labelled("Iteration", this.slider), this.said, h("div", { class: "row" }, ...tables.filter((t) => t !== null)));
     const several = data.functions.length > 1;
@@ -69,11 +69,15 @@ export class Iterations {
     });
     this.modes.forEach(([hz, error, mac], i) => {
       const mode = data.modes[i], freq = mode.freq_hz[k];
-      hz.textContent = shown(freq);
+      hz.textContent = cycles(freq);
       error.textContent = freq === null ? "–" : signed(100 * (freq / mode.test_freq_hz - 1));
       mac.textContent = mode.mac[k] === null ? "–" : mode.mac[k]!.toFixed(3);
     });
   }
 }
 
-const signed = (value: number) => (value > 0 ? "+" : "") + shown(Number(value.toFixed(2)), 4);
+/** In %, to two decimals; what rounds to zero has no sign. */
+function signed(value: number): string {
+  const rounded = Number(value.toFixed(2));
+  return (rounded > 0 ? "+" : "") + shown(rounded, 4);
+}

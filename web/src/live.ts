@@ -1,7 +1,7 @@
 // The live model: sliders for the parameters; frequencies, MAC, χ² and a moving shape that follow them.
 
 import { readView, type Live, type LiveParameter, type View } from "./data.ts";
-import { choice, h, hertz, labelled, RIGID_HZ, save, shown, svg } from "./dom.ts";
+import { choice, cycles, h, hertz, labelled, save, shown, svg } from "./dom.ts";
 import { criterionRows } from "./livecriteria.ts";
 import { LiveFrfs } from "./livefrfs.ts";
 import { DroppedTest } from "./livetest.ts";
@@ -17,9 +17,9 @@ const STEPS = 500;
 const MODELS = 20, LEAST_EFFECTIVE = 10;
 /** A sum of squares; it does not show the digits of rounding. */
 const square = (value: number | null | undefined) => (value != null && value < 1e-3 && value > 0 ? size(value) : shown(value));
-const cycles = (hz: number, digits = 5) => (hz > RIGID_HZ ? shown(hz, digits) : "0");
 
 class Slider {
+  private value = NaN;
   readonly element: HTMLElement;
   readonly range: HTMLInputElement;
   readonly number: HTMLInputElement;
@@ -29,7 +29,7 @@ class Slider {
     this.range = h("input", { type: "range", id, min: 0, max: STEPS, step: 1, "aria-describedby": `${id}-marks`, input: () => changed(lower + (Number(this.range.value) / STEPS) * (upper - lower)) });
     this.number = h("input", {
       type: "number", step: "any", min: lower, max: upper, "aria-label": `${name}, value`,
-      change: () => { const value = this.number.valueAsNumber; changed(Number.isFinite(value) ? bound(value) : updated); },
+      change: () => { const value = this.number.valueAsNumber; changed(Number.isFinite(value) ? bound(value) : this.value); },
     });
     const place = (value: number) => `${(100 * (bound(value) - lower)) / (upper - lower)}%`;
     const marks = svg("svg", { class: "marks", width: "100%", height: 12, "aria-hidden": "true" });
@@ -43,6 +43,7 @@ class Slider {
   }
   set(value: number): void {
     const { lower, upper, name, unit } = this.parameter;
+    this.value = value;
     this.range.value = String(Math.round((STEPS * (value - lower)) / (upper - lower)));
     this.range.setAttribute("aria-valuetext", `${name} ${shown(value)} ${unit}`.trim());
     this.number.value = written(value);
@@ -104,7 +105,7 @@ export class LivePanel {
     this.sliders = live.parameters.map((p, k) => new Slider(p, k, live.narrowed ? "Range" : "Bounds", (value) => this.set(k, value)));
     this.configuration = choice("Configuration", live.configurations.map((c) => c.configuration), () => this.choose());
     this.lines = h("textarea", { readonly: true, rows: 6, "aria-label": "Values as lines for a study" });
-    this.frfs = new LiveFrfs(live, this.reach, () => this.ask());
+    this.frfs = new LiveFrfs(live, this.reach, () => this.ask(), (doubt) => this.dropped.doubted(doubt));
     this.dropped = new DroppedTest(live, (modes, curves) => {
       this.worker.postMessage({ kind: "drop", configuration: this.at, modes });
       this.frfs.drop(curves);
@@ -173,7 +174,7 @@ export class LivePanel {
     this.models.hidden = true;
     const mass = this.mass ? `, with ${this.massText()}` : "";
     if (asked === "mac") this.told.textContent = `Lowest MAC of test mode ${c.test_labels[test]} in ${where}${mass}: ${found.value.toFixed(3)}; updated ${first.pairs[test].whole?.toFixed(3) ?? "–"}. Found by steps from the update; the sliders stand at these values.`;
-    else this.told.textContent = `${sign < 0 ? "Lowest" : "Highest"} frequency of test mode ${c.test_labels[test]} in ${where}${mass}: ${shown(found.value, 5)} Hz; updated${this.mass ? " without the mass" : ""} ${shown(first.freq_hz[column], 5)} Hz, test ${shown(c.test_freq_hz[test])} Hz. Found by steps from the update; the sliders stand at these values.`;
+    else this.told.textContent = `${sign < 0 ? "Lowest" : "Highest"} frequency of test mode ${c.test_labels[test]} in ${where}${mass}: ${cycles(found.value)} Hz; updated${this.mass ? " without the mass" : ""} ${cycles(first.freq_hz[column])} Hz, test ${cycles(c.test_freq_hz[test])} Hz. Found by steps from the update; the sliders stand at these values.`;
     this.setAll((p, i) => p.nominal + p.scale * found.x[i]);
   }
 
@@ -273,7 +274,7 @@ export class LivePanel {
     sensors.hidden = labels.length < 3;
     const boxes = labels.map((label, i) => h("label", {}, h("input", { type: "checkbox", checked: !off.has(i), change: (e: Event) => { (e.target as HTMLInputElement).checked ? off.delete(i) : off.add(i); this.ask(); } }), label));
     const all = h("button", { type: "button", click: () => { off.clear(); this.fillSensors(); this.ask(); } }, "All sensors");
-    sensors.replaceChildren(sensors.firstElementChild!, h("p", { class: "note" }, "The MAC in the table is that of the sensors that are chosen. χ² keeps all of them."), h("div", { class: "boxes" }, ...boxes), h("p", { class: "tools" }, all));
+    sensors.replaceChildren(sensors.firstElementChild!, h("p", { class: "note" }, "The MAC in the table is that of the sensors that are chosen. χ² and the criteria keep all of them."), h("div", { class: "boxes" }, ...boxes), h("p", { class: "tools" }, all));
   }
 
   private ask(): void {
@@ -364,7 +365,7 @@ export class LivePanel {
       const cell = (text: string) => h("td", { class: "right" }, text);
       const head = hz !== null && this.view.scenes.some((s) => s.configuration === c.configuration && s.live)
         ? h("button", { type: "button", class: "show", "aria-pressed": String(test === this.test), "aria-label": `Show the shape of test mode ${label}`, click: () => { this.test = test; this.openWindow(); this.ask(); } }, label) : label;
-      return h("tr", { class: test === this.test ? "chosen" : "" }, h("th", { scope: "row" }, head), cell(shown(c.test_freq_hz[test])),
+      return h("tr", { class: test === this.test ? "chosen" : "" }, h("th", { scope: "row" }, head), cell(cycles(c.test_freq_hz[test])),
         cell(before && before.column >= 0 ? cycles(first!.freq_hz[before.column]) : "–"), cell(hz === null ? "–" : cycles(hz)), cell(error === null ? "–" : signed(error)),
         h("td", { class: "right" }, pair?.mac == null ? "–" : pair.mac.toFixed(3), better === null ? null : h("small", {}, ` mode ${better + 1} is more alike`)));
     }));
@@ -412,7 +413,7 @@ export class LivePanel {
     const c = this.live.configurations[shape.configuration], now = this.solved[shape.configuration]!;
     const list = (texts: (string | number)[]) => texts.join(" and "), several = shape.columns.length > 1;
     const which = several ? `the combination of model modes ${list(shape.columns.map((k) => k + 1))}, close at the update, that is nearest to it` : `model mode ${shape.columns[0] + 1} with these values`;
-    const title = `Test mode ${c.test_labels[shape.test]}, ${shown(c.test_freq_hz[shape.test])} Hz, and ${which}, ${list(shape.columns.map((k) => hertz(now.freq_hz[k])))}`;
+    const title = `Test mode ${c.test_labels[shape.test]}, ${cycles(c.test_freq_hz[shape.test])} Hz, and ${which}, ${list(shape.columns.map((k) => hertz(now.freq_hz[k])))}`;
     document.dispatchEvent(new CustomEvent("femtune:live-shape", { detail: { motion: shape.motion, factor: shape.factor, test: c.test_labels[shape.test], title } }));
   }
 

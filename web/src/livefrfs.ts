@@ -12,7 +12,7 @@ import type { LiveCurves } from "./liveworker.ts";
 /** What was compared of the functions, and where. */
 export function functionErrors(data: LiveFunctions, reach: string): string {
   const where: Record<string, string> = { region: "of the 95 % region", bounds: `within ${reach}` };
-  const parts = data.errors.map(([at, points, percent]) => `${size(percent)} % at ${points} points ${where[at]}`);
+  const parts = data.errors.map(([at, points, percent, name]) => `${size(percent)} %${name ? ` (${name})` : ""} at ${points} points ${where[at]}`);
   return parts.length ? ` Largest difference of a function from that of the full model (root mean square over the lines): ${parts.join(", ")}.` : "";
 }
 
@@ -26,7 +26,7 @@ export class LiveFrfs {
   /** The function that is shown; null without any. */
   chosen: Chosen | null = null;
 
-  constructor(private readonly live: Live, private readonly reach: string, private readonly ask: () => void) {}
+  constructor(private readonly live: Live, private readonly reach: string, private readonly ask: () => void, private readonly doubted: (doubt: string) => void) {}
 
   /** Show those of a configuration. */
   open(configuration: number): void {
@@ -75,7 +75,9 @@ export class LiveFrfs {
     this.curves = curves;
     this.plot?.refresh();
     const data = this.live.configurations[this.at].functions[this.chosen.set], own = this.dropped?.(data, this.chosen.k), text = own && curves.now ? doubtOfLevel(levelRatio(own, unpack(data.freq_hz), curves.now.real, curves.now.imaginary)) : "";
-    if (this.doubt.textContent !== text) this.doubt.textContent = text;
+    if (this.doubt.textContent === text) return;
+    this.doubt.textContent = text;
+    this.doubted(text);
   }
 
   /** Draw the functions of a dropped test too, or no more. */

@@ -1,7 +1,7 @@
 // A test that a reader drops on the page, beside the live model: modes at the sensors of the model, and FRFs.
 
 import type { Live, LiveConfiguration, LiveFunctions } from "./data.ts";
-import { h, shown } from "./dom.ts";
+import { cycles, h, shown } from "./dom.ts";
 import type { DroppedModes, DroppedPair } from "./livepairs.ts";
 import { signed } from "./livetext.ts";
 import { MOST_BYTES, readUff, UffError, type UffMode, type UffTest } from "./uff.ts";
@@ -76,6 +76,8 @@ export class DroppedTest {
   private modes: DroppedModes | null = null;
   private notices: string[] = [];
   private compared = false;
+  private level = "";
+  private unpaired = "";
 
   constructor(live: Live, private readonly changed: (modes: DroppedModes | null, curves: ((set: LiveFunctions, k: number) => DroppedCurve | null) | null) => void) {
     this.configuration = live.configurations[0];
@@ -129,19 +131,30 @@ export class DroppedTest {
     this.compared = true;
     const { modes, count } = atSensors(test.modes, configuration.sensor_labels), own = (set: LiveFunctions, k: number) => droppedCurve(test, set, k);
     if (test.modes.length) {
-      if (count || !configuration.sensor_labels.length) this.modes = modes;
+      if (count || !configuration.sensor_labels.length) {
+        this.modes = modes;
+        const points = new Set(test.modes.flatMap((m) => [...m.shape.keys()])).size;
+        if (count) this.notices.push(`Shapes are compared at ${count} of the ${configuration.sensor_labels.length} sensors of this page; the file has ${points} degrees of freedom.`);
+      }
       else this.notices.push(`None of the points of the file is a sensor here. The file has ${named([...(test.modes[0]?.shape.keys() ?? [])])}; the sensors are ${named(configuration.sensor_labels)}.`);
     }
     const matched = configuration.functions.reduce((sum, set) => sum + set.outputs.flatMap((_, i) => set.inputs.map((_i, j) => own(set, i * set.inputs.length + j))).filter((c) => c !== null).length, 0);
-    if (test.functions.length) this.notices.push(matched ? `${matched} of ${test.functions.length} FRFs of the file are drawn beside those of the model.` : `None of the ${test.functions.length} FRFs of the file is one of this page${configuration.functions.length ? "" : ", which has none"}.`);
-    this.tell("");
+    if (test.functions.length) this.notices.push(matched ? `${matched} of ${test.functions.length} FRFs of the file are FRFs of this page; the one that is chosen is drawn there.` : `None of the ${test.functions.length} FRFs of the file is one of this page${configuration.functions.length ? "" : ", which has none"}.`);
+    this.unpaired = this.level = "";
+    this.tell();
     this.table.hidden = !this.modes;
     this.changed(this.modes, matched ? own : null);
   }
 
-  private tell(doubt: string): void {
+  /** What is doubtful of the level of the function that is shown; "" if nothing is. */
+  doubted(level: string): void {
+    this.level = level;
+    if (this.test) this.tell();
+  }
+
+  private tell(): void {
     const head = this.test ? `${this.name}: ${[this.test.modes.length ? `${this.test.modes.length} modes` : "", this.test.functions.length ? `${this.test.functions.length} FRFs` : ""].filter(Boolean).join(", ")}.` : "";
-    const text = [head, ...(this.test?.notices ?? []), ...this.notices, doubt].filter(Boolean).join(" ");
+    const text = [head, ...(this.test?.notices ?? []), ...this.notices, this.unpaired, this.level].filter(Boolean).join(" ");
     if (this.said.textContent !== text) this.said.textContent = text;
   }
 
@@ -149,11 +162,12 @@ export class DroppedTest {
   show(pairs: DroppedPair[], freq_hz: ArrayLike<number>): void {
     const { modes } = this;
     if (!modes || pairs.length !== modes.labels.length) return;
-    this.tell(doubtOfFrequencies(modes, pairs, freq_hz));
+    this.unpaired = doubtOfFrequencies(modes, pairs, freq_hz);
+    this.tell();
     const cell = (text: string) => h("td", { class: "right" }, text);
     this.rows.replaceChildren(...pairs.map(({ column, mac }, i) => {
       const hz = column < 0 ? null : freq_hz[column], error = hz === null || !(modes.freq_hz[i] > 0) ? null : 100 * (hz / modes.freq_hz[i] - 1);
-      return h("tr", {}, h("th", { scope: "row" }, modes.labels[i]), cell(shown(modes.freq_hz[i])), cell(column < 0 ? "none" : String(column + 1)), cell(shown(hz, 5)), cell(error === null ? "–" : signed(error)), cell(mac === null ? "–" : mac.toFixed(3)));
+      return h("tr", {}, h("th", { scope: "row" }, modes.labels[i]), cell(cycles(modes.freq_hz[i])), cell(column < 0 ? "none" : String(column + 1)), cell(cycles(hz)), cell(error === null ? "–" : signed(error)), cell(mac === null ? "–" : mac.toFixed(3)));
     }));
   }
 }

@@ -31,6 +31,10 @@ export function scaledSquares(parts: Record<string, number>, factors: Record<str
   return Object.entries(parts).reduce((sum, [kind, value]) => sum + value / (factors[kind] ?? 1) ** 2, 0);
 }
 
+/** Distance from the limit, relative to it, on which the page takes no side: the worst cases that it finds lie on the edge of
+ * the linearised region. */
+const ON_LIMIT = 0.1;
+
 /** What the true χ² says of the values; "" where a part of it is not computed again, or without a region. */
 export function truthText(live: Live, first: Record<string, number>, now: Record<string, number>): string {
   const { region, draws, others, rejected } = live;
@@ -39,6 +43,7 @@ export function truthText(live: Live, first: Record<string, number>, now: Record
   const limit = region.limit * (1 - inRegion(region, live.x)), inside = change <= limit;
   const scaled = Object.values(factors).some((f) => f !== 1) ? ", with the factors on the standard deviations" : "";
   const verdict = rejected ? `${inside ? "within" : "beyond"} the limit. The fit of the update was rejected, so that this compares these values with the update and does not say that the data allow either.`
+    : Math.abs(change / limit - 1) < ON_LIMIT ? "these values are about on it."
     : inside ? "the data allow these values, if the errors are as large as they were taken to be." : "the data speak against these values.";
   return `χ² itself differs from that of the update by ${change > 0 ? "+" : ""}${shown(Math.abs(change) < 5e-4 ? 0 : change, 3)}${scaled}; 95 % limit ${shown(limit, 3)}: ${verdict}`;
 }

@@ -3,7 +3,7 @@
 import { OrthographicCamera, Vector3, WebGLRenderer, type Scene } from "three";
 import { readView, unpack, type Functions, type Stage, type View } from "./data.ts";
 import { scaleStops } from "./drawing.ts";
-import { choice, fileName, h, hertz, labelled, RIGID_HZ, save, shown } from "./dom.ts";
+import { choice, cycles, fileName, h, hertz, labelled, RIGID_HZ, save, shown } from "./dom.ts";
 import { linesOf, nearestLine } from "./functions.ts";
 import { MatrixGrid, type MatrixCell } from "./matrix.ts";
 import { box, measuredMotion, strongest } from "./motion.ts";
@@ -217,7 +217,7 @@ export class Viewer {
     this.cells = data.test_labels.map((label, i) => columns.map((j) => {
       const value = mac[i * count + j], pair = stage.pairs.some((p) => p.test === i && p.column === j);
       const text = value < 0 ? "MAC not tested" : `MAC ${value.toFixed(2)}`;
-      const words = `Test mode ${label}, ${shown(data.test_freq_hz[i])} Hz; model mode ${stage.numbers[j]}, ${hertz(stage.freq_hz[j])}; ${text}${pair ? "; pair" : ""}`;
+      const words = `Test mode ${label}, ${cycles(data.test_freq_hz[i])} Hz; model mode ${stage.numbers[j]}, ${hertz(stage.freq_hz[j])}; ${text}${pair ? "; pair" : ""}`;
       return { row: i, column: j, value, pair, label: words, disabled: false };
     }));
     const rows = data.test_labels.map((label, i) => `${label}: ${shown(data.test_freq_hz[i], 3)} Hz`);
@@ -243,7 +243,7 @@ export class Viewer {
       const cell = this.cells[chosen.test].find((c) => c.column === chosen.column);
       const mac = cell && cell.value >= 0 ? `, MAC ${cell.value.toFixed(3)}` : "";
       const scaled = this.scene.alike ? "" : "; the shapes are unlike and are scaled to the same largest motion";
-      this.title.textContent = `Test mode ${data.test_labels[chosen.test]}, ${shown(hz)} Hz, and ${model} (${error > 0 ? "+" : ""}${shown(error, 3)} %${mac})${scaled}`;
+      this.title.textContent = `Test mode ${data.test_labels[chosen.test]}, ${cycles(hz)} Hz, and ${model} (${error > 0 ? "+" : ""}${shown(error, 3)} %${mac})${scaled}`;
       this.grid?.mark(chosen.test, this.cells[chosen.test].findIndex((c) => c.column === chosen.column));
     }
     this.element.dataset.shown = `${chosen.test ?? ""}|${chosen.column}`;

@@ -1,14 +1,14 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { begun, choicesFile, stateOf, turn } from "../src/choices.ts";
+import { alsoForbidden, begun, choicesFile, stateOf, turn } from "../src/choices.ts";
 import type { Choices, ModeChoices } from "../src/data.ts";
 
 const of: ModeChoices = {
   configuration: "BC", test_labels: ["1", "2", "a|b"], test_freq_hz: [3, 4, 5], numbers: [1, 2, 3], model_freq_hz: [3, 4, 5],
-  mac: { type: "f4", shape: [0], data: "", scale: [], offset: [] }, pairs: [["1", 1]], fixed: [["2", 2]], never: [["1", 3]], left_out: [["a|b", "local"]],
+  mac: { type: "f4", shape: [0], data: "", scale: [], offset: [] }, pairs: [["1", 1]], fixed: [["2", 2]], never: [["1", 3]], close: [[2, 3]], left_out: [["a|b", "local"]],
   sensors: ["1X+", "2X+"], off: ["2X+"],
 };
-const data: Choices = { inputs: [{ path: "a.bdf", sha256: "0f" }], configurations: [of], fields: [{ name: "E", field: "MAT1 1 E", what: "", value: 1, lower: 0.8, upper: 2, chosen: false }] };
+const data: Choices = { inputs: [{ path: "a.bdf", sha256: "0f" }], configurations: [of], fields: [{ name: "E", field: "MAT1 1 E", what: "", value: 1, lower: 0.8, upper: 2, chosen: false, further: [] }, { name: "k", field: "PBUSH 4 K4", what: "", value: 1, lower: 0.5, upper: 2, chosen: true, further: ["PBUSH 4 K5"] }], kept: [] };
 const tables = (text: string) => text.split("\n\n").slice(1).map((part) => part.trim().split("\n"));
 
 test("a pair goes from the MAC to a pair by hand, to never, and back", () => {
@@ -42,6 +42,12 @@ test("the file has inputs, pairs, modes, sensors and parameters", () => {
     ["[[never_pair]]", 'configuration = "BC"', 'test = "a|b"', "model = 1", "model_hz = 3.0"],
     ["[[sensor_off]]", 'configuration = "BC"', 'sensor = "2X+"'],
     ["[[parameter]]", 'name = "E"', 'field = "MAT1 1 E"', "lower = 0.8", "upper = 2.0"],
+    ["[[parameter]]", 'name = "k"', 'field = "PBUSH 4 K4"', 'further_fields = ["PBUSH 4 K5"]', "lower = 0.5", "upper = 2.0"],
   ]);
   assert.deepEqual(tables(choicesFile(data, [begun(of)], []))[3], ["[[leave_out]]", 'configuration = "BC"', 'mode = "a|b"', 'reason = "local"']);
+});
+
+test("a pair that is never made with one of close modes is none with all of them", () => {
+  assert.match(alsoForbidden(of, "1", 3), /Model modes 2 and 3 are close .* test mode 1 will be paired with none of them\.$/);
+  assert.equal(alsoForbidden(of, "1", 1), "");
 });

@@ -12,7 +12,7 @@ test("numbers as the page writes them", () => {
 });
 
 test("rounding is no frequency of a rigid-body mode", () => {
-  assert.deepEqual([0, 1.1e-4, 0.25, 1234.56].map(hertz), ["0 Hz (rigid body)", "0 Hz (rigid body)", "0.25 Hz", "1235 Hz"]);
+  assert.deepEqual([0, 1.1e-4, 0.25, 102.9, 1234.56].map(hertz), ["0 Hz (rigid body)", "0 Hz (rigid body)", "0.25000 Hz", "102.90 Hz", "1234.6 Hz"]);
 });
 
 test("numbers sort by size, texts by their numbers inside, empty cells last in both directions", () => {

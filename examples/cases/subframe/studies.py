@@ -46,3 +46,11 @@ def family(lab: Laboratory, test: Compared, effort: Effort) -> str:
         bootstrap(effort.bootstraps),
         parameters(lab, individual=True),
     ])  # fmt: skip
+
+
+def single(lab: Laboratory, test: Compared, order: int) -> str:
+    """One component: damping equalised on both sides, then the measured FRFs."""
+    return "\n".join([
+        head(lab, test.band_hz[1]), f'[test]\nfile = "{specimen(0)}.uff"\n', residual(lab, test),
+        equalise(order, 1.0, "raw"), "[update]\nlook_further = false\n", parameters(lab),
+    ])  # fmt: skip

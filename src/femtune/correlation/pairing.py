@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -336,7 +336,8 @@ class ClusterMatch:
 
 @dataclass(frozen=True)
 class Pairing:
-    """The outcome of `pair_modes`; every test mode is in `pairs` or in `unpaired_test`."""
+    """The outcome of `pair_modes`; every test mode is in `pairs` or in `unpaired_test`. `groups` are the clusters of
+    close model modes, by position."""
 
     pairs: tuple[Pair, ...]
     unpaired_test: tuple[Unpaired, ...]
@@ -346,6 +347,7 @@ class Pairing:
     mac_gate: float
     notices: tuple[Notice, ...] = ()
     never: tuple[tuple[int, int], ...] = ()
+    groups: tuple[tuple[int, ...], ...] = ()
 
     @property
     def test_indices(self) -> tuple[int, ...]:
@@ -409,7 +411,7 @@ def pair_modes(
     comparison = candidates(test, model, relative_gap)
     allowed = (np.abs(comparison.frequency_error) <= frequency_gate) & (np.nan_to_num(comparison.score) >= mac_gate)
     allowed[list(left_out)] = False
-    _forbid(comparison, allowed, never)
+    forbidden = tuple(_forbid(test, model, comparison, allowed, never))
     chosen, matches, refused = _settle(test, model, comparison, allowed, dict(fixed), mac_gate)
     pairs = _pairs(test, model, comparison, chosen, matches, dict(fixed))
     gates = (frequency_gate, mac_gate)
@@ -417,27 +419,39 @@ def pair_modes(
         Unpaired(
             i,
             left_out.get(i)
-            or reason_unpaired(i, test, model, comparison, chosen, refused, gates) + _forbidden(i, model, never),
+            or reason_unpaired(i, test, model, comparison, chosen, refused, gates)
+            + _forbidden(i, model, comparison, never),
             i in left_out,
         )
         for i in range(len(test))
         if i not in chosen
     )
     alone = tuple(j for j in range(len(model)) if j not in chosen.values())
-    return Pairing(pairs, unpaired, alone, matches, *gates, comparison.notices, tuple(never))
+    notices = (*comparison.notices, *forbidden)
+    return Pairing(pairs, unpaired, alone, matches, *gates, notices, tuple(never), comparison.groups)
 
 
-def _forbid(found: CandidatePairs, allowed: Allowed, never: Sequence[tuple[int, int]]) -> None:
+def _forbid(
+    test: ModeSet, model: ModeSet, found: CandidatePairs, allowed: Allowed, never: Sequence[tuple[int, int]]
+) -> Iterator[Notice]:
     """Switch off pairs in place; of a cluster all its modes, whose shapes are compared as one subspace."""
-    tests, models = allowed.shape
+    told = set()
     for i, j in never:
-        if i < tests and j < models:
-            allowed[i, list(_companions(j, found))] = False
+        if i < len(test) and j < len(model):
+            group = _companions(j, found)
+            allowed[i, list(group)] = False
+            if len(group) > 1 and (i, group) not in told:
+                told.add((i, group))
+                modes = ", ".join(model.labels[k] for k in group)
+                yield Notice("correlate.never-cluster", test=test.labels[i], model=model.labels[j], modes=modes)
 
 
-def _forbidden(i: int, model: ModeSet, never: Sequence[tuple[int, int]]) -> str:
-    names = [model.labels[j] for test, j in never if test == i and j < len(model)]
-    return f"; the study forbids its pair with model mode {', '.join(names)}" if names else ""
+def _forbidden(i: int, model: ModeSet, found: CandidatePairs, never: Sequence[tuple[int, int]]) -> str:
+    own = [j for test, j in never if test == i and j < len(model)]
+    if not own:
+        return ""
+    close = " and so with its whole cluster" if any(len(_companions(j, found)) > 1 for j in own) else ""
+    return f"; the study forbids its pair with model mode {', '.join(model.labels[j] for j in own)}{close}"
 
 
 def _without_never(model: ModeSet, found: Pairing, never: Sequence[tuple[int, int]]) -> Pairing:

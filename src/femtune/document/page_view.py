@@ -258,7 +258,8 @@ class ModeChoicesView:
     """Pairs of modes, modes and sensors of a configuration at the initial values.
 
     `mac` is (test modes, model modes), −1 where it is not known; `pairs` are those of the run, of which `fixed` are
-    prescribed; pairs are a label of a test mode and a number of a model mode. `left_out` are labels with reasons.
+    prescribed; pairs are a label of a test mode and a number of a model mode. `close` are numbers of close model modes,
+    which are paired or not paired together. `left_out` are labels with reasons.
     """
 
     configuration: str
@@ -270,6 +271,7 @@ class ModeChoicesView:
     pairs: tuple[tuple[str, int], ...]
     fixed: tuple[tuple[str, int], ...]
     never: tuple[tuple[str, int], ...]
+    close: tuple[tuple[int, ...], ...]
     left_out: tuple[tuple[str, str], ...]
     sensors: tuple[str, ...]
     off: tuple[str, ...]
@@ -277,7 +279,8 @@ class ModeChoicesView:
 
 @dataclass(frozen=True)
 class FieldChoiceView:
-    """A field of the deck that can be a parameter, with bounds of its factor; `chosen` if it is one."""
+    """A field of the deck that can be a parameter, with bounds of its factor; `chosen` if it is one, and then with the
+    `further` fields that have the same factor."""
 
     name: str
     field: str
@@ -286,6 +289,7 @@ class FieldChoiceView:
     lower: float
     upper: float
     chosen: bool
+    further: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -295,6 +299,8 @@ class ChoicesView:
     inputs: tuple[InputView, ...]
     configurations: tuple[ModeChoicesView, ...]
     fields: tuple[FieldChoiceView, ...]
+    kept: tuple[str, ...]
+    """Parameters of the study that the file of choices has no table for."""
 
 
 @dataclass(frozen=True)
@@ -415,8 +421,9 @@ class LiveFunctionsView:
     sd: Packed | None
     shift: Packed | None
     note: str
-    errors: tuple[tuple[str, int, float], ...]
-    """Where ("region" or "bounds"), points, and the largest difference from the full model in %."""
+    errors: tuple[tuple[str, int, float, str], ...]
+    """Where ("region" or "bounds"), points, the largest difference from the full model in %, and its function ("" in
+    older results)."""
 
 
 @dataclass(frozen=True)

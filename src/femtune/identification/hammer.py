@@ -63,10 +63,18 @@ the hits is not known: that of a mode that falls by e^-3 over the block is 3.3, 
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Blocks of the same length, each with one hit; notices say what was left out and why."""
+    """Blocks of the same length, each with one hit; notices say what was left out and why.
+
+    Parameters
+    ----------
+    left_out : begin and end of each hit that is left out, in samples of its record
+    doubtful : whether hits that are not sound are among the blocks
+    """
 
     blocks: tuple[TimeSeries, ...]
     notices: tuple[Notice, ...]
+    left_out: tuple[tuple[int, int], ...] = ()
+    doubtful: bool = False
 
 
 def is_impulsive(record: TimeSeries) -> bool:
@@ -94,7 +102,7 @@ def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_win
     ------
     FemtuneError : ``identify.resolution/hits`` where no block is as long as that; ``record.lost-samples``
     """
-    found = [(record, *hit) for record in records for hit in _hits(record)]
+    found = [(record, *hit) for record in records for hit in hit_spans(record)]
     if len({len(record.channels) for record in records}) == 1:
         overloads = _overloads([one[:3] for one in found])
     else:
@@ -104,16 +112,19 @@ def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_win
     points = [tuple(record.dofs("input").labels()) for record, *_ in hits]
     sound = Counter(point for point, hit, why in zip(points, hits, brief) if not (hit[3] or why))
     good, left = [], []
+    spans: list[tuple[int, int]] = []
     for hit, why, point in zip(hits, brief, points):
         time_s, enough = float(hit[0].time_s[hit[1]]), sound[point] >= LEAST_HITS
         if hit[3] or (why and enough):
             left.append(Notice("identify.hit-left-out", time_s=time_s, reason=hit[3] or why))
+            spans.append((hit[1], hit[2]))
         else:
             good.append(hit)
             if why:
                 left.append(Notice("identify.hit-overloaded", time_s=time_s, reason=why, count=LEAST_HITS))
     if not good:
         # there is nothing better, and the reader is told
+        spans = []
         good, left = hits, [Notice("identify.hits-doubtful", reasons=", ".join(sorted({one[3] for one in hits})))]
     lengths = np.array([end - begin for _, begin, end, _ in good])
     usual = float(np.median(lengths))
@@ -131,7 +142,24 @@ def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_win
     )
     if force_window is not None:
         pieces = [_with_force_window(piece, before + force_window) for piece in pieces]
-    return Hits(tuple(pieces), (*left, *cut))
+    doubtful = any(notice.code == "identify.hits-doubtful" for notice in left)
+    return Hits(tuple(pieces), (*left, *cut), tuple(spans), doubtful)
+
+
+def without_hits(record: TimeSeries, spans: Sequence[tuple[int, int]]) -> tuple[TimeSeries, tuple[int, ...]]:
+    """A record without some of its hits, each until the next one, and the first sample of each piece that is left.
+
+    Parameters
+    ----------
+    spans : begin and end of the hits in samples, in their order
+    """
+    first = hit_spans(record)[0][0]
+    kept = np.ones(record.samples, bool)
+    for begin, end in spans:
+        kept[0 if begin == first else max(begin - _BEFORE, 0) : end] = False
+    at = np.flatnonzero(kept)
+    begins = np.append(0, np.flatnonzero(np.diff(at) > 1) + 1)
+    return replace(record.select_samples(0, len(at)), values=record.values[:, at]), tuple(begins.tolist())
 
 
 def samples_before(record: TimeSeries) -> int:
@@ -175,7 +203,7 @@ def _noise_before(records: Sequence[TimeSeries]) -> float | None:
     """Mean square of the responses before the first hits; None where there are less than `LEAST_BEFORE` samples."""
     pieces = []
     for record in records:
-        begin = max(_hits(record)[0][0] - _BEFORE, 0)
+        begin = max(hit_spans(record)[0][0] - _BEFORE, 0)
         y = record.values[[i for i, c in enumerate(record.channels) if c.role != "input"], :begin]
         if begin > 1:
             pieces.append((y - y.mean(axis=1, keepdims=True)) * np.sqrt(begin / (begin - 1)))
@@ -192,7 +220,7 @@ def _beyond(force: Reals, level: float = LEVEL) -> Flags:
     return np.asarray(np.abs(force) > level * np.nanmax(np.abs(force), initial=0.0))
 
 
-def _hits(record: TimeSeries) -> list[tuple[int, int, bool]]:
+def hit_spans(record: TimeSeries) -> list[tuple[int, int, bool]]:
     """Begin and end of each hit, and whether it is a double hit."""
     at = np.flatnonzero(_beyond(_force(record)))
     apart = np.append(np.diff(at), record.samples - at[-1])

@@ -69,6 +69,8 @@ class ModalFit:
     by_parts : (m,) of a whole record, by how much parts of its time disagree on each pole, over what noise explains: 1
         where noise explains it; above it the covariance of that pole has been raised to their scatter
     by_noise : (m,) part of the standard deviation of each pole that is noise alone
+    by_force : (m, 2) relative change of each frequency from the part with the smallest force to that with the largest,
+        and the ratio of these forces; NaN where the frequency does not follow the force
     """
 
     poles: Complexes
@@ -90,6 +92,7 @@ class ModalFit:
     ends: Complexes | None = None
     by_parts: Reals | None = None
     by_noise: Reals | None = None
+    by_force: Reals | None = None
 
     def transposed(self) -> ModalFit:
         """The fit with responses and references exchanged; not of a whole record, which has one reference."""

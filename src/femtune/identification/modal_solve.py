@@ -28,7 +28,7 @@ class PartialFractions:
     Parameters
     ----------
     columns : (k, 2pm + terms) complex; those of Re R of every pole, then those of Im R, then the terms. With
-        `transients` (p = 2) those of the residues of the transients follow Im R
+        `transients` (p > 1) those of the residues of the transients follow Im R
     by_decay : (k, 2pm) derivatives by Re λ of the columns of every residue
     poles : m
     """
@@ -58,12 +58,21 @@ def turned(by_decay: NDArray, poles: int) -> NDArray:
 
 
 def with_transients(
-    basis: PartialFractions, freq_hz: Reals, poles: Complexes, force: Complexes, step_s: float
+    basis: PartialFractions,
+    freq_hz: Reals,
+    poles: Complexes,
+    force: Complexes,
+    step_s: float,
+    begins: Sequence[int] = (0,),
 ) -> PartialFractions:
     """The columns of H + T/U for the transform U of a force, where T is what the ends of a record leave out.
 
     T is the transform of sampled decays with residues of their own of each pole; two complex terms stand for poles
-    outside of the band.
+    outside of the band. Each piece of which a record consists has a T of its own, that begins where the piece does.
+
+    Parameters
+    ----------
+    begins : first sample of each piece, from 0 on
     """
     turn = 2j * np.pi * step_s * freq_hz[:, None]
     up, down = np.exp(poles * step_s - turn), np.exp(poles.conj() * step_s - turn)
@@ -71,10 +80,14 @@ def with_transients(
     c, d = (step_s**2 * one / (1.0 - one) ** 2 / force[:, None] for one in (up, down))
     z = freq_hz[:, None] / freq_hz[-1]
     ends = np.hstack([np.ones_like(z), 1j * np.ones_like(z), z, 1j * z]) / force[:, None]
+    later = [np.exp(-turn * begin) for begin in begins]
+    decays, slopes = np.hstack([a + b, 1j * (a - b)]), np.hstack([c + d, 1j * (c - d)])
     m = 2 * len(poles)
     return PartialFractions(
-        np.hstack([basis.columns[:, :m], a + b, 1j * (a - b), basis.columns[:, m:], ends]),
-        np.hstack([basis.by_decay, c + d, 1j * (c - d)]),
+        np.hstack(
+            [basis.columns[:, :m], *(decays * e for e in later), basis.columns[:, m:], *(ends * e for e in later)]
+        ),
+        np.hstack([basis.by_decay, *(slopes * e for e in later)]),
         len(poles),
     )
 

@@ -32,7 +32,7 @@ QUADRATURE_MODES = 2
 """Modes in which it must move; a single one may be complex."""
 _DOUBTFUL = (
     "identify.damping", "identify.driving-point-sign", "identify.left-cluster", "identify.harmonic",
-    "identify.same-shape",
+    "identify.same-shape", "identify.unsound-hits",
 )  # fmt: skip
 
 
@@ -45,10 +45,10 @@ class ModeRemark:
 
     @property
     def doubtful(self) -> bool:
-        """True where the mode may not be one of the structure.
+        """True where the mode may not be one of the structure, or not that within its standard deviations.
 
         Its damping is impossible, large or not known, its modal mass is negative, its fit left its cluster, a
-        harmonic is at its frequency, or a neighbouring mode has the same shape.
+        harmonic is at its frequency, a neighbouring mode has the same shape, or a hit that is not sound was used.
         """
         return self.notice.code in _DOUBTFUL
 

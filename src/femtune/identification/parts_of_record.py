@@ -32,6 +32,14 @@ MOST_PARTS = 40
 """Hits or bursts at most that are parts; more are joined."""
 LEAST_PARTS = 3
 """Parts that know something of a mode, at least."""
+TREND_CHANCE = 0.01
+"""Probability with which a frequency that does not follow the force is said to, where parts disagree on the mode."""
+POWERS = (0.0, 2.0)
+"""Powers of the force with which a frequency may change: 0 stands for its logarithm."""
+LEAST_RATIO = 1.25
+"""Ratio of the largest force to the smallest from which a trend is looked for."""
+TREND_PARTS = 4
+"""Parts that a trend needs."""
 LEAST_SHARE = 0.3
 """Information on a mode, over the mean of the parts, below which a part of the time does not count."""
 MOST_NUMBERS = 20_000_000
@@ -49,7 +57,7 @@ def with_parts_of_time(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...]
 
     Returns
     -------
-    with `by_parts`, `by_noise` and a larger `pole_covariance` where parts disagree on a mode; else as it is
+    with `by_parts`, `by_noise`, `by_force` and a larger `pole_covariance` where parts disagree on a mode; else as it is
     """
     if 4 * len(fit.poles) * len(whole.force) > MOST_NUMBERS:
         return fit
@@ -62,12 +70,14 @@ def with_parts_of_time(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...]
         return fit
     moved, expected, raised = _of_parts(now, variance, force, whole, begin, samples)
     m = len(fit.poles)
-    times, total = np.ones(m), fit.pole_covariance.copy()
+    times, trend, total = np.ones(m), np.full((m, 2), np.nan), fit.pole_covariance.copy()
+    size = np.sqrt(np.add.reduceat(_in_time(whole.force, whole, samples) ** 2, begin))
     for r in np.flatnonzero(~fit.outside).tolist():
         of = [r, m + r]
         s, V = moved[:, of], expected[:, of][:, :, of] * raised[r]
         share = np.trace(V, axis1=1, axis2=2) / np.trace(V.mean(axis=0))
-        s, V = s[share > LEAST_SHARE], V[share > LEAST_SHARE]
+        known = share > LEAST_SHARE
+        s, V = s[known], V[known]
         if len(s) < LEAST_PARTS:
             continue
         # what each part adds beyond its share of the sum, which is zero but for the parts that do not count
@@ -77,13 +87,48 @@ def with_parts_of_time(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...]
         if far <= float(chdtri(freedom, CHANCE)):
             continue
         times[r] = np.sqrt(far / freedom)
+        trend[r] = _with_force(s, V, size[known])
+        trend[r, 0] /= fit.poles[r].imag
         more = _scatter(s, V) - V.sum(axis=0)
         value, vector = np.linalg.eigh(more)
         total[np.ix_(of, of)] += (vector * np.maximum(value, 0.0)) @ vector.T
     if not (times > 1.0).any():
         return fit
     before, after = (np.diag(c).reshape(2, m).sum(axis=0) for c in (fit.pole_covariance, total))
-    return replace(fit, pole_covariance=total, by_parts=times, by_noise=np.sqrt(before / after))
+    return replace(fit, pole_covariance=total, by_parts=times, by_noise=np.sqrt(before / after), by_force=trend)
+
+
+def _with_force(s: Reals, V: Reals, size: Reals) -> tuple[float, float]:
+    """The change of Im λ from the smallest to the largest force, and the ratio of these; NaN where none is seen.
+
+    The parts' own Im λ are a straight line over the logarithm or the square of the force (Student's t over what the
+    line leaves, which is taken no smaller than noise).
+
+    Parameters
+    ----------
+    s, V : (b, 2), (b, 2, 2) what each part adds to the sum of all and its covariance by noise
+    size : (b,) of the force
+    """
+    ratio = float(size.max() / size.min())
+    if len(s) < TREND_PARTS or not LEAST_RATIO <= ratio < np.inf:
+        return np.nan, np.nan
+    # the poles that each part wants by itself
+    own = V.sum(axis=0) @ np.linalg.inv(V)
+    values = (own @ s[:, :, None])[:, 1, 0]
+    weight = 1.0 / (own @ V @ own.transpose(0, 2, 1))[:, 1, 1]
+    freedom = len(s) - 2
+    least = float(stdtrit(freedom, 1.0 - 0.5 * TREND_CHANCE / len(POWERS)))
+    best, change = least, np.nan
+    for power in POWERS:
+        x = np.log(size / size.max()) if power == 0.0 else (size / size.max()) ** power
+        off, of = x - np.average(x, weights=weight), values - np.average(values, weights=weight)
+        spread = float(np.sum(weight * off**2))
+        slope = float(np.sum(weight * off * of)) / spread
+        left = max(float(np.sum(weight * (of - slope * off) ** 2)) / freedom, 1.0)
+        t = abs(slope) * np.sqrt(spread / left)
+        if t > best:
+            best, change = t, slope * float(x.max() - x.min())
+    return (float(change), ratio) if np.isfinite(change) else (np.nan, np.nan)
 
 
 def _scatter(s: Reals, V: Reals) -> Reals:

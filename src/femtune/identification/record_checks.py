@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from scipy.special import ndtri
 
 from femtune.arrays import Reals
 from femtune.errors import Notice
+from femtune.identification.unnamed_force import unnamed_force
 from femtune.modal import TimeSeries
 
 DEAD = 1e-3
@@ -65,7 +67,8 @@ def check_record(record: TimeSeries) -> tuple[Notice, ...]:
     Returns
     -------
     ``record.lost-samples``, ``record.spikes``, ``record.dead``, ``record.other-unit``, ``record.clipped``,
-    ``record.drifting``, ``record.bursts``, ``record.same-signal``, ``record.cut-short``; each names its channels
+    ``record.drifting``, ``record.bursts``, ``record.same-signal``, ``record.unnamed-force``, ``record.cut-short``; each
+    names its channels
     """
     return tuple(_checks(record))
 
@@ -95,6 +98,9 @@ def _checks(record: TimeSeries) -> Iterator[Notice]:
     yield from _told(record, "record.drifting", _drifting(filled) & ~dead)
     yield from _bursts_told(record, filled, dead)
     yield from _same(record, filled, dead)
+    looks = unnamed_force(replace(record, values=_filled(record)), ~dead)
+    if looks is not None:
+        yield Notice("record.unnamed-force", channel=str(record.channels[looks[0]]), count=looks[1])
     still = _still_at_end(values)
     if still > CUT * record.samples and not dead.all():
         first = record.time_s[record.samples - still - 1]

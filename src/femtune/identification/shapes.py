@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -291,12 +292,16 @@ def fit_remarks(fit: ModalFit, made: ScaledShapes, noise_only: Sequence[bool] | 
         if spread > LARGE_SPREAD and not no_noise:
             notice = Notice("identify.functions-disagree", frequency_hz=float(f), times=float(np.sqrt(spread)))
             remarks.append(ModeRemark(r, notice))
-    if fit.by_parts is not None and fit.by_noise is not None:
-        for r, (f, times, noise) in enumerate(zip(freq, fit.by_parts[inside], fit.by_noise[inside])):
+    if fit.by_parts is not None and fit.by_noise is not None and fit.by_force is not None:
+        parts = zip(freq, fit.by_parts[inside], fit.by_noise[inside], fit.by_force[inside])
+        for r, (f, times, noise, (change, ratio)) in enumerate(parts):
             if times > 1.0:
-                wider = float(1.0 / noise)
-                notice = Notice("identify.parts-disagree", frequency_hz=float(f), times=float(times), wider=wider)
-                remarks.append(ModeRemark(r, notice))
+                said: dict[str, Any] = {"frequency_hz": float(f), "times": float(times), "wider": float(1.0 / noise)}
+                if np.isfinite(change):
+                    said |= {"percent": 100.0 * float(change), "ratio": float(ratio)}
+                    remarks.append(ModeRemark(r, Notice("identify.parts-disagree/force", **said)))
+                else:
+                    remarks.append(ModeRemark(r, Notice("identify.parts-disagree", **said)))
     return tuple(sorted(remarks, key=lambda remark: remark.mode))
 
 

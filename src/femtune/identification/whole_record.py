@@ -33,7 +33,7 @@ REST_LEVEL = 3.0
 REST_PART = 0.005
 """What moves less than this part of the peak of the response is at rest."""
 WINDOW = 9
-"""Neighbouring lines whose functions are a parabola, to see the noise."""
+"""Neighbouring lines whose functions are a parabola, to see the noise; two more for each further piece of a record."""
 PULSE_LEVEL = 6.0
 """What exceeds this times the noise of the force is part of a hit, and so are the samples beside it."""
 _BESIDE = 16
@@ -60,6 +60,7 @@ class WholeRecord:
     width : neighbouring lines of which each function is the mean; 0 where the functions were made in another way
     pulse : (samples,) the force of a record that begins at rest, whose only transients are the decays that its end cuts
         off; zero where it is noise. None where the transients have residues of their own
+    begins : first sample of each piece of which the record consists; each has transients of its own
     """
 
     frfs: FrfSet
@@ -69,6 +70,7 @@ class WholeRecord:
     step_s: float
     width: int = 0
     pulse: Reals | None = None
+    begins: tuple[int, ...] = (0,)
 
     @property
     def line(self) -> Reals:
@@ -80,14 +82,15 @@ class WholeRecord:
         frfs = self.frfs
         modal = modal_basis(frfs.freq_hz, poles, frfs.kind, terms)
         if self.pulse is None:
-            return with_transients(modal, frfs.freq_hz, poles, self.force, self.step_s)
+            return with_transients(modal, frfs.freq_hz, poles, self.force, self.step_s, self.begins)
         return with_cut_decays(modal, frfs.freq_hz, poles, frfs.kind, self.force, self.pulse, self.step_s)
 
     def of_functions(self, coefficients: Reals, poles: int, terms: int) -> Reals:
         """Of the coefficients (n, q) of all columns those without residues and terms of the transients."""
         if self.pulse is not None:
             return coefficients
-        return np.hstack([coefficients[:, : 2 * poles], coefficients[:, 4 * poles : 4 * poles + terms]])
+        first = 2 * poles * (1 + len(self.begins))
+        return np.hstack([coefficients[:, : 2 * poles], coefficients[:, first : first + terms]])
 
     def inside(self, low_hz: float, high_hz: float) -> WholeRecord:
         """The lines of a band."""
@@ -108,7 +111,12 @@ class WholeRecord:
 
 
 def whole_record(
-    record: TimeSeries, kind: str, low_hz: float, high_hz: float, rest: int | None = None
+    record: TimeSeries,
+    kind: str,
+    low_hz: float,
+    high_hz: float,
+    rest: int | None = None,
+    begins: tuple[int, ...] = (0,),
 ) -> WholeRecord | None:
     """The lines of a band; None where they are too many or too few, or where the force has none.
 
@@ -117,6 +125,7 @@ def whole_record(
     record : with one input and without lost samples; responses of one quantity
     kind : of the functions
     rest : samples before a single hit, in which nothing may move; else there is no such record
+    begins : first sample of each of the pieces that were put together to this record
     """
     rows, (column,) = record.positions("response") + record.positions("reference"), record.positions("input")
     hz = np.fft.rfftfreq(record.samples, 1.0 / record.even_hz)
@@ -128,7 +137,9 @@ def whole_record(
     if not (np.abs(force) > 1e-9 * np.abs(force).max()).all():
         return None
     motion = np.stack([np.fft.rfft(values[i])[kept] for i in rows])
-    noise = _noise(motion, force)
+    # the decay of the motion before a piece turns from line to line
+    turns = np.exp(-2j * np.pi * np.outer(kept, begins) / record.samples)
+    noise = _noise(motion, force, turns)
     if not (noise > 0.0).all():
         return None
     if rest is not None and not _at_rest(values[rows], rest, noise):
@@ -140,7 +151,7 @@ def whole_record(
         record.dofs("input"), kind, source=record.source,
     )  # fmt: skip
     pulse = None if rest is None else _pulse(values[column])
-    return WholeRecord(frfs, force, colour, noise, 1.0 / record.even_hz, pulse=pulse)
+    return WholeRecord(frfs, force, colour, noise, 1.0 / record.even_hz, pulse=pulse, begins=begins)
 
 
 def _at_rest(responses: Reals, samples: int, noise: Reals) -> bool:
@@ -159,23 +170,31 @@ def _pulse(force: Reals) -> Reals:
     return np.where(binary_dilation(size > least, iterations=_BESIDE), force, 0.0)
 
 
-def _noise(motion: Complexes, force: Complexes) -> Reals:
-    """(n, k) √E|error|² near each line: what parabolas over a few neighbouring lines leave, in the median."""
+def _noise(motion: Complexes, force: Complexes, turns: Complexes) -> Reals:
+    """(n, k) √E|error|² near each line: what parabolas over a few neighbouring lines leave, in the median.
+
+    Parameters
+    ----------
+    motion, force : (n, k), (k,) their transforms
+    turns : (k, pieces) by which the transients of each piece turn from line to line
+    """
     n, k = motion.shape
-    count = k // WINDOW
-    at = np.arange(WINDOW) - WINDOW // 2
-    powers = np.vander(at / (WINDOW // 2), 3)
-    pieces = motion[:, : count * WINDOW].reshape(n, count, WINDOW)
-    U = force[: count * WINDOW].reshape(count, WINDOW)
+    window = WINDOW + 2 * (turns.shape[1] - 1)
+    count = k // window
+    at = np.arange(window) - window // 2
+    powers = np.vander(at / (window // 2), 3)
+    pieces = motion[:, : count * window].reshape(n, count, window)
+    U = force[: count * window].reshape(count, window)
     # the functions, and the transients of the ends, which do not follow the force
-    basis = np.concatenate([U[:, :, None] * powers, np.broadcast_to(powers[:, 1:] + 0j, (count, WINDOW, 2))], axis=2)
+    T = turns[: count * window].reshape(count, window, -1, 1) * powers[:, None, 1:]
+    basis = np.concatenate([U[:, :, None] * powers, T.reshape(count, window, -1)], axis=2)
     Q = np.linalg.qr(basis / np.linalg.norm(basis, axis=1, keepdims=True))[0]
     left = pieces - np.einsum("cwq,ncq->ncw", Q, np.einsum("cwq,ncw->ncq", Q.conj(), pieces))
-    freedom = WINDOW - Q.shape[2]
+    freedom = window - Q.shape[2]
     power = np.sum(np.abs(left) ** 2, axis=2) / freedom
     width = min(_NEIGHBOURS, 2 * ((count - 1) // 2) + 1)
     middle = median_filter(power, (1, width), mode="nearest") / (chdtri(2 * freedom, 0.5) / (2 * freedom))
-    return np.asarray(np.sqrt(np.repeat(middle, WINDOW, axis=1)[:, np.minimum(np.arange(k), count * WINDOW - 1)]))
+    return np.asarray(np.sqrt(np.repeat(middle, window, axis=1)[:, np.minimum(np.arange(k), count * window - 1)]))
 
 
 def in_bins(whole: WholeRecord, most: int) -> WholeRecord:

@@ -39,6 +39,12 @@ LEAST_SIZE = 0.01
 """Errors relative to the stated standard deviations below which residuals say nothing of the model. They are then the
 digits of the data, or of the iterations, which no noise resembles: a value that is compared to three digits is written
 with five or six. Nobody acts on a field that explains a hundredth of a standard deviation."""
+MOST_OF_ONE = 0.5
+"""Part of the decrease of χ² by a refit from which it is said to be that of one mode."""
+SAYS_NOTHING = 0.05
+"""p value of a field in the test without that mode from which the other modes do not ask for the field."""
+_FEWEST_MODES = 3
+"""Modes that are compared: of two, one has more than half of the decrease anyway."""
 _ROUNDING = 1e-6
 """Of degrees of freedom."""
 _NO_EFFECT = 1e-9
@@ -170,6 +176,56 @@ def p_of_refit(before: Whitened, after: Whitened) -> float | None:
     least, first = (float(np.sum(record.across(record.r) ** 2)) for record in (weighted, _divided(before, size)))
     variance = max(least / degrees, 1.0) if smallest else least / degrees
     return float(fdtrc(1.0, degrees, max(first - least, 0.0) / variance))
+
+
+@dataclass(frozen=True)
+class OneMode:
+    """The one test mode that a field explains.
+
+    Parameters
+    ----------
+    configuration, mode : its labels
+    before, after : its part of χ² before and after the refit of the field
+    p_without : p value of the field in the test without the rows of this mode; 1 where they do not see it
+    """
+
+    configuration: str
+    mode: str
+    before: float
+    after: float
+    p_without: float
+
+
+def mode_that_asks(record: Whitened, column: Reals, after: Reals) -> OneMode | None:
+    """The mode whose residuals alone ask for a field.
+
+    Either the field or that one mode is wrong: a mode that was identified badly has residuals that some field explains
+    in part. The mode has most of what the refit lowers χ² by, and the test of the field without its rows finds nothing.
+
+    Parameters
+    ----------
+    column : (n,) ∂r/∂q of the field, in the rows of the record
+    after : (n,) residuals of the refit
+
+    Returns
+    -------
+    None where several modes ask for the field, or too few are compared
+    """
+    rows: dict[tuple[str, str], list[int]] = {}
+    for i, (name, mode, role) in enumerate(zip(record.configurations, record.modes, record.roles)):
+        if mode and role != PRIOR:
+            rows.setdefault((name, mode), []).append(i)
+    decrease = record.r**2 - after**2
+    if len(rows) < _FEWEST_MODES or not decrease.sum() > 0.0:
+        return None
+    (name, mode), at = max(rows.items(), key=lambda item: float(decrease[item[1]].sum()))
+    if decrease[at].sum() < MOST_OF_ONE * decrease.sum():
+        return None
+    others = np.delete(np.arange(len(record.r)), at)
+    found = score_test(record.of_rows(others), column[others, None], np.full((1, 2), np.inf), draws=1)
+    p = float(found.p_alone[0]) if found else 1.0
+    own, left = (float(np.sum(values[at] ** 2)) for values in (record.r, after))
+    return OneMode(name, mode, own, left, p) if p >= SAYS_NOTHING else None
 
 
 def _sizes(record: Whitened) -> tuple[Reals, frozenset[str]]:

@@ -94,17 +94,19 @@ class Whitened:
 
     def without_kinds(self, why: Mapping[str, str]) -> Whitened:
         """The record without the rows of some kinds, with the reasons by kind."""
-        at = self.rows(lambda kind, *_: kind not in why)
+        return replace(self.of_rows(self.rows(lambda kind, *_: kind not in why)), untested={**self.untested, **why})
+
+    def of_rows(self, at: NDArray[np.int64]) -> Whitened:
+        """The record with some of its rows; a lost combination with other rows is none of them."""
 
         def chosen(labels: tuple[L, ...]) -> tuple[L, ...]:
             return tuple(labels[i] for i in at)
 
-        lost = self.lost[at]
+        lost = self.lost[:, ~np.any(np.delete(self.lost, at, axis=0), axis=0)][at]
         return replace(
             self, r=self.r[at], J=self.J[at], bounded=self.bounded[at], fixed=self.fixed[at], shares=self.shares[at],
-            lost=lost[:, np.any(lost, axis=0)], untested={**self.untested, **why},
-            kinds=chosen(self.kinds), configurations=chosen(self.configurations), modes=chosen(self.modes),
-            sensors=chosen(self.sensors), roles=chosen(self.roles),
+            lost=lost, kinds=chosen(self.kinds), configurations=chosen(self.configurations),
+            modes=chosen(self.modes), sensors=chosen(self.sensors), roles=chosen(self.roles),
         )  # fmt: skip
 
     def rows(self, chosen: Callable[[str, str, str, str], bool]) -> NDArray[np.int64]:

@@ -33,6 +33,12 @@ _RUNS_KEPT = 0.9
 """Fraction of the runs of a table that have as many visible modes as are used; the other runs are left out."""
 
 
+_LEAST_LEVELS = 2
+"""Values of a parameter in runs of a design by levels."""
+_FOR_MEAN_AND_ERROR = 2
+"""Degrees of freedom of runs beside those of effects."""
+
+
 def build_of_runs(file: StudyFile) -> BuiltModel:
     """The model of a study of runs, as `build_structure` gives that of a deck.
 
@@ -43,6 +49,52 @@ def build_of_runs(file: StudyFile) -> BuiltModel:
     tables = [read_runs_table(file.path_of(str(name))) for name in sources(file)]
     with errors_at(file.where("runs")):
         return built_of_tables(file, tables)
+
+
+def build_without_fit(file: StudyFile) -> BuiltModel:
+    """The model of one run of each table, the one nearest the middle: for what analyses the runs as they are.
+
+    Raises
+    ------
+    FemtuneError : as `build_of_runs`, without those of a fit
+    """
+    tables = [read_runs_table(file.path_of(str(name))) for name in sources(file)]
+    with errors_at(file.where("runs")):
+        names = _columns(file, tables)
+        return built_of_tables(file, [_middle_run(table, names) for table in tables], 0, degree=0)
+
+
+def are_by_levels(file: StudyFile) -> bool:
+    """Whether the runs of each table are enough to separate the effects of the values that each parameter has in them.
+
+    Raises
+    ------
+    FemtuneError : as `read_runs_table`
+    """
+    for name in sources(file):
+        table = read_runs_table(file.path_of(str(name)))
+        points = table.points([entry.name for entry in file.parameter if entry.name in table.columns])
+        points = points[table.usable & np.isfinite(points).all(axis=1)]
+        levels = [len(np.unique(column)) for column in points.T]
+        # a degree of freedom for the error at least
+        if min(levels, default=1) < _LEAST_LEVELS or len(points) < _FOR_MEAN_AND_ERROR + sum(levels) - len(levels):
+            return False
+    return True
+
+
+def _middle_run(table: RunsTable, names: Sequence[str]) -> RunsTable:
+    """The usable run nearest the middle of the ranges of the parameters; all runs where none is usable."""
+    points = table.points([name for name in names if name in table.columns])
+    usable = np.flatnonzero(table.usable & np.isfinite(points).all(axis=1))
+    if not usable.size:
+        return table
+    low, high = points[usable].min(axis=0), points[usable].max(axis=0)
+    width = np.where(high > low, high - low, 1.0)
+    away = np.abs((points[usable] - 0.5 * (low + high)) / width).sum(axis=1)
+    at = usable[[int(away.argmin())]]
+    columns = {name: values[at] for name, values in table.columns.items()}
+    return replace(table, columns=columns, freq_hz=table.freq_hz[at], states=(),
+                   shapes=None if table.shapes is None else table.shapes[at])  # fmt: skip
 
 
 def sources(file: StudyFile) -> tuple[Hashable, ...]:
@@ -66,7 +118,8 @@ def built_of_tables(
     parts = [used.runs for used in selected]
     # the central run is the first one, and it is usable
     order = asked.order if degree is None else degree
-    fitted = fit_configurations(parts, nodes, order, asked.crossed, centre, _rules(asked))
+    rules = None if degree == 0 else _rules(asked)
+    fitted = fit_configurations(parts, nodes, order, asked.crossed, centre, rules)
     notices = [n for used, f in zip(selected, fitted) for n in _notices(file, used, f)]
     count = min(runs.freq_hz.shape[1] for runs in parts)
     files = tuple(map(str, model_source(file).files))

@@ -6,9 +6,10 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import scipy.linalg as la
 
-from femtune.model import constant_damping, solve_modes
+from femtune.model import constant_damping, damping_by_mode, solve_modes
 from femtune.model.response import frf
 from femtune.model.response.basis import modal_basis
 from femtune.model.response.dynamic_stiffness import DynamicStiffness
@@ -99,3 +100,20 @@ def test_campaigns_differ_by_their_noise_only() -> None:
     # 4368 values: 4 σ of their variance
     assert abs(np.var(z.real) - 1.0) < 4.0 * np.sqrt(2.0 / len(z))
     assert not np.allclose(one, other)
+
+
+@pytest.mark.slow
+def test_modal_damping_couples_no_modes() -> None:
+    """With many modes and residual vectors, whatever the rounding of their orthogonality: one matrix a line is then
+    divided by, not inverted."""
+    model = cross_frame()
+    chance = np.random.default_rng(0)
+    for _ in range(2):
+        modes = solve_modes(model.at(chance.uniform(-0.3, 0.3, 4)), 40)
+        ports = ports_of(model)
+        ratios = np.exp(chance.uniform(np.log(0.002), np.log(0.02), 40))
+        stiffness = DynamicStiffness(modes.point, modal_damper(modes, damping_by_mode(tuple(ratios))))
+        forces = np.hstack([ports.inputs.toarray(), ports.outputs.T.toarray()])
+        small = reduce(stiffness, modal_basis(modes, forces), ports)
+        assert small.viscous.shape == (len(small.basis.mass),)
+        assert np.all(small.viscous[40:] == 0.0)

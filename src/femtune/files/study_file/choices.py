@@ -71,16 +71,23 @@ class ChosenSensor(_OfConfiguration):
 
 
 class ChosenParameter(TomlTable):
-    """[[parameter]]: a field of the deck that becomes a parameter."""
+    """[[parameter]]: a field of the deck, or several with one factor, that become a parameter."""
 
     name: Text
     """Name of the parameter."""
     field: FieldText
     """Field of the deck."""
+    further_fields: tuple[FieldText, ...] = ()
+    """Fields that have the same factor."""
     lower: Positive
     """Lower bound of the factor on it."""
     upper: Positive
     """Upper bound of the factor on it."""
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """All its fields."""
+        return (self.field, *self.further_fields)
 
 
 class StudyChoices(TomlTable):
@@ -241,8 +248,8 @@ def _new_parameters(choices: StudyChoices, known: tuple[Any, ...], where: Where)
     fields = {" ".join(str(f).split()) for p in of_study for f in p.get("fields", ())}
     names = {p.get("name") for p in of_study}
     for one in choices.parameter:
-        if " ".join(one.field.split()) in fields:
+        if {" ".join(field.split()) for field in one.fields} <= fields:
             continue
         if one.name in names:
             raise FemtuneError("study.choices/parameter", where=where, name=one.name, field=one.field)
-        yield {"name": one.name, "fields": (one.field,), "lower": one.lower, "upper": one.upper}
+        yield {"name": one.name, "fields": one.fields, "lower": one.lower, "upper": one.upper}

@@ -21,8 +21,8 @@ class ScreenTable(TomlTable):
 
     design: Literal["orthogonal", "factorial", "plackett-burman", "morris", "sobol", "table"] = "orthogonal"
     """`"orthogonal"` array, full `"factorial"`, `"plackett-burman"` (two levels), elementary effects of `"morris"`,
-    indices of `"sobol"`; or `"table"`: the finished runs of `[runs]` as they are, by the values that occur in them.
-    Example: `"morris"`"""
+    indices of `"sobol"`; or `"table"`: the finished runs of `[runs]` as they are, by the values that occur in them,
+    without a fit. Default: `"table"` for `[runs]` of a design by levels, else `"orthogonal"`. Example: `"morris"`"""
     array: Text | None = None
     """Name of the orthogonal array. Default: the smallest one that leaves degrees of freedom for the error. Example:
     `"L18"`"""

@@ -99,7 +99,7 @@ class ReducedFrfs(Residual):
         lines, back = self.own.model_lines
         s = np.asarray(2j * np.pi * lines, dtype=np.complex128)
         way = self.own.way
-        damped = wanted_number(modes.eigenvalues, *(way.modes or (0, None)))
+        damped = self._damped(modes)
         ports, left_out = BasisPorts(self.inputs.T, self.outputs), self._left_out(modes, damped)
         functions = reduced_functions(modes, ports, s, damped, way.damping, derivatives, left_out)
         factor = s ** KINDS.index(self.own.measured.kind)
@@ -110,6 +110,15 @@ class ReducedFrfs(Residual):
         values = np.moveaxis(functions.values * factor[:, None, None], 0, -1)
         gradient = np.moveaxis(functions.gradient * factor[:, None, None, None], 0, 2)
         return self.own.at_lines(values[:, :, back], gradient[:, :, back])
+
+    def damped(self, state: CaseState) -> tuple[int, Reals]:
+        """Number of modes that modal damping damps, and their frequencies in Hz, at a state of the reduced model."""
+        modes = cast(ReducedModes, state.solution)
+        count = self._damped(modes)
+        return count, np.sqrt(np.maximum(modes.eigenvalues[:count], 0.0)) / (2.0 * np.pi)
+
+    def _damped(self, modes: ReducedModes) -> int:
+        return wanted_number(modes.eigenvalues, *(self.own.way.modes or (0, None)))
 
     def _left_out(self, modes: ReducedModes, count: int) -> tuple[int, ...]:
         left_out = self.own.left_out

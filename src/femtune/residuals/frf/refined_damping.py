@@ -15,6 +15,8 @@ import numpy as np
 
 from femtune.arrays import Integers, Reals
 from femtune.model import EigenSolution, damping_by_mode
+from femtune.residuals.case import CaseState
+from femtune.residuals.frf.on_reduced import ReducedFrfs
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.residuals.weights import ResidualBlock
 
@@ -38,7 +40,8 @@ _UNPAIRED = 1.0
 """The same of another mode, whose ratio is an assumption."""
 _LEAST = 1e-6
 """Least ratio."""
-_Blocks = Callable[[Reals], list[ResidualBlock]]
+_BlocksOf = Callable[[Reals, bool], list[ResidualBlock]]
+"""Ratios, and whether derivatives are wanted -> blocks of the residual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +73,41 @@ def with_refined_damping(
     modes : of the model, as many as `ratios`
     paired : positions of modes whose ratios were identified
     """
-    near = _near(residual, modes)
+
+    def blocks(of: Reals, derivatives: bool) -> list[ResidualBlock]:
+        return _damped_by(residual, of).compare(modes, derivatives)
+
+    return _refined(residual, modes.freq_hz[: modes.wanted], ratios, paired, blocks)
+
+
+def refined_on_reduced(
+    residual: ReducedFrfs, state: CaseState, ratios: Reals, paired: Collection[int]
+) -> RefinedDamping:
+    """As `with_refined_damping`, by the functions of a reduced model at a state of it.
+
+    The ratios are those of as many modes as the reduced model damps; further ones stay.
+    """
+    count, hertz = residual.damped(state)
+
+    def blocks(of: Reals, derivatives: bool) -> list[ResidualBlock]:
+        return replace(residual, own=_damped_by(residual.own, of)).blocks(state, derivatives)
+
+    found = _refined(residual.own, hertz, ratios[:count], paired, blocks)
+    return replace(found, ratios=np.append(found.ratios, ratios[count:]))
+
+
+def _damped_by(residual: FrfResidual, ratios: Reals) -> FrfResidual:
+    return replace(residual, way=replace(residual.way, damping=damping_by_mode(ratios.tolist())))
+
+
+def _refined(
+    residual: FrfResidual, hertz: Reals, ratios: Reals, paired: Collection[int], blocks: _BlocksOf
+) -> RefinedDamping:
+    """Ratios of modes with the frequencies `hertz`, by the blocks that ratios give."""
+    near = _near(residual, hertz)
     if not len(near) or residual.noise is None:
         return RefinedDamping(ratios, near[:0])
-
-    def blocks(of: Reals, *, derivatives: bool = False) -> list[ResidualBlock]:
-        way = replace(residual.way, damping=damping_by_mode(of.tolist()))
-        return replace(residual, way=way).compare(modes, derivatives)
-
-    first = blocks(ratios, derivatives=True)
+    first = blocks(ratios, True)
     weight = np.concatenate([_over_noise(b) for b in first])[:, None]
     jacobian = np.vstack([b.jacobian for b in first])
     # parameters are scaled so that rounding does not depend on their units
@@ -87,7 +116,7 @@ def with_refined_damping(
     p, q = jacobian.shape[1], len(near)
     prior = np.where(np.isin(near, list(paired)), _PAIRED, _UNPAIRED)
     low, high = residual.measured.freq_hz[[0, -1]]
-    inside = (modes.freq_hz[near] >= low) & (modes.freq_hz[near] <= high)
+    inside = (hertz[near] >= low) & (hertz[near] <= high)
     most = np.where(inside, _GROW, _GROW_OUTSIDE)
     now = ratios.copy()
     for _ in range(_STEPS):
@@ -106,21 +135,20 @@ def with_refined_damping(
     return RefinedDamping(now, near, tuple(np.split(effect, ends)))
 
 
-def _columns(blocks: _Blocks, ratios: Reals, near: Integers) -> tuple[Reals, Reals]:
+def _columns(blocks: _BlocksOf, ratios: Reals, near: Integers) -> tuple[Reals, Reals]:
     """Residuals, and (values, q) their change with relative changes of ratios."""
-    before = np.concatenate([b.values for b in blocks(ratios)])
+    before = np.concatenate([b.values for b in blocks(ratios, False)])
     columns = np.empty((len(before), len(near)))
     for k, j in enumerate(near.tolist()):
         moved = ratios.copy()
         moved[j] *= 1.0 + _STEP
-        columns[:, k] = (np.concatenate([b.values for b in blocks(moved)]) - before) / _STEP
+        columns[:, k] = (np.concatenate([b.values for b in blocks(moved, False)]) - before) / _STEP
     return before, columns
 
 
-def _near(residual: FrfResidual, modes: EigenSolution) -> Integers:
+def _near(residual: FrfResidual, hertz: Reals) -> Integers:
     """Positions of the modes inside the band and of those beside it, by ascending frequency."""
     low, high = residual.measured.freq_hz[[0, -1]]
-    hertz = modes.freq_hz[: modes.wanted]
     below = np.flatnonzero((hertz < low) & (hertz > low / _FARTHEST))[-MOST:]
     inside = np.flatnonzero((hertz >= low) & (hertz <= high))
     above = np.flatnonzero((hertz > high) & (hertz < high * _FARTHEST))[:MOST]

@@ -97,6 +97,7 @@ def correlation_results(
         stage=version,
         pairs=tuple(_pair(c, p) for p in c.pairing.pairs),
         never_pairs=tuple(ForbiddenPair(test_label=c.test.labels[i], model_number=j + 1) for i, j in c.pairing.never),
+        close_modes=tuple(tuple(j + 1 for j in group) for group in c.pairing.groups),
         left_out=tuple(LeftOutMode(**_unpaired(c, u.test, u.reason)) for u in c.pairing.unpaired_test if u.left_out),
         unpaired_test=tuple(
             UnpairedTestMode(**_unpaired(c, u.test, u.reason))

@@ -15,11 +15,20 @@ from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.files.described_test import read_described
 from femtune.identification.averaging import Averaging, input_output_spectra, no_lost_samples
 from femtune.identification.estimators import KIND_OF, estimate_frfs
-from femtune.identification.hammer import DECAYED, LEAST_HITS, hits_of, is_impulsive, samples_before, still_moving
+from femtune.identification.hammer import (
+    DECAYED,
+    LEAST_HITS,
+    hits_of,
+    is_impulsive,
+    samples_before,
+    still_moving,
+    without_hits,
+)
 from femtune.identification.input_known import InputKnown, NoModesChosen, identify_frfs
 from femtune.identification.join import at_lines
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.late_forces import late_force_notices
+from femtune.identification.mode_checks import ModeRemark
 from femtune.identification.periodic import periodic_frfs
 from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
@@ -148,10 +157,10 @@ def _curve(frfs: FrfSet) -> Curve:
     return Curve(frfs.freq_hz, level, "all functions together", singular)
 
 
-_HITS_LEFT = ("identify.hit-left-out", "identify.hit-overloaded", "identify.hits-doubtful")
-"""Notices of hits that are wrong: then the whole record is wrong too."""
 _OF_BLOCKS = ("identify.hits", "identify.one-hit", "identify.hits-not-decayed")
 """Notices of the functions of blocks, which are not shown where the whole record is fitted."""
+LARGEST_DECAY = 0.5
+"""Part of the relative standard deviation of a damping ratio that the decay before a hit may have without a doubt."""
 DEFAULT_LINES = 400
 """Lines of a band if no resolution is requested, as far as the record allows with eight segments.
 
@@ -188,8 +197,6 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
         frfs, sd = binned(whole)
         return found_from_frfs(frfs, file, sd=sd, whole=whole, step_s=1.0 / living[0].even_hz)
     frfs, sd, notices = functions_of(living, file)
-    if any(notice.code in _HITS_LEFT for notice in notices):
-        whole = None
     if whole is not None and whole.pulse is not None:
         # too few hits for a scatter: the functions are those of the whole record, whose fit knows what its end cuts off
         whole = in_bins(whole, FUNCTION_LINES)
@@ -203,13 +210,48 @@ def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Foun
     with with_notices(notices):
         step_s = 1.0 / living[0].even_hz
         found = found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None, whole=whole, step_s=step_s)
-    return replace(found, notices=(*notices, *found.notices))
+    unsound = _unsound_hits(found, living, notices, in_motion=whole is None and not known)
+    return replace(
+        found,
+        notices=(*notices, *found.notices, *dict.fromkeys(r.notice for r in unsound)),
+        remarks=(*found.remarks, *unsound),
+    )
+
+
+def _unsound_hits(
+    found: Found, records: Sequence[TimeSeries], notices: Sequence[Notice], in_motion: bool
+) -> tuple[ModeRemark, ...]:
+    """``identify.unsound-hits`` of the modes whose standard deviations miss an error of the hits that are used.
+
+    A hit without the decay of the one before it moves a pole by about that decay, relative to the bandwidth. It counts
+    where that is more than a part of the standard deviation.
+
+    Parameters
+    ----------
+    notices : of the hits
+    in_motion : whether the decay after a hit that is left out is part of the functions of the next one
+    """
+    modes, reasons = found.modes, [str(n.facts["reason"]) for n in notices if n.code == "identify.hit-overloaded"]
+    reasons += [str(n.facts["reasons"]) for n in notices if n.code == "identify.hits-doubtful"]
+    if reasons:
+        doubt = Notice("identify.unsound-hits", reasons=", ".join(dict.fromkeys(reasons)))
+        return tuple(ModeRemark(i, doubt) for i in range(len(modes)))
+    left_out = hits_of(records).left_out if in_motion else ()
+    if not left_out or modes.damping_ratio is None or modes.damping_sd is None:
+        return ()
+    pause_s = min(end - begin for begin, end in left_out) / records[0].even_hz
+    decay = np.exp(-2.0 * np.pi * modes.freq_hz * modes.damping_ratio * pause_s)
+    doubt = Notice("identify.unsound-hits", reasons="decay after a hit that is left out")
+    far = decay > LARGEST_DECAY * modes.damping_sd / np.abs(modes.damping_ratio)
+    return tuple(ModeRemark(int(i), doubt) for i in np.flatnonzero(far))
 
 
 def _whole(records: Sequence[TimeSeries], file: IdentifyFile) -> WholeRecord | None:
     """The lines of a record with one force, where nothing else was asked for.
 
-    What follows a single hit cannot be told from motion before it, since both are free decays: it must begin at rest.
+    Hits that are left out are cut from it; with other hits that are not sound there is none. What follows a single hit
+    cannot be told from motion before it, since both are free decays: a record with few hits must begin at rest, or
+    one of its pieces must have a second hit.
     """
     table, record = file.identify, records[0]
     asked = (table.period_s, table.resolution_hz, table.exponential_s, table.force_window_s)
@@ -219,11 +261,21 @@ def _whole(records: Sequence[TimeSeries], file: IdentifyFile) -> WholeRecord | N
         return None
     if len(record.positions("input")) != 1 or np.isnan(record.values).any():
         return None
-    few = is_impulsive(record) and len(hits_of(records).blocks) < LEAST_HITS
-    rest = samples_before(record) if few else None
     kind = KIND_OF.get(quantities.pop())
+    if kind is None:
+        return None
     low, high = table.band_hz or (0.0, 0.5 * record.even_hz)
-    return None if kind is None else whole_record(record, kind, low, high, rest)
+    if not is_impulsive(record):
+        return whole_record(record, kind, low, high)
+    hits = hits_of(records)
+    if hits.doubtful:
+        return None
+    record, begins = without_hits(record, hits.left_out)
+    if len(begins) == 1 and len(hits.blocks) < LEAST_HITS:
+        from_rest = whole_record(record, kind, low, high, samples_before(record))
+        if from_rest is not None:
+            return from_rest
+    return whole_record(record, kind, low, high, begins=begins) if len(hits.blocks) > len(begins) else None
 
 
 def functions_of(

@@ -739,7 +739,7 @@ class _Draft:
         for p in chosen:
             text.table("[[parameter]]")
             text.key("name", p.name)
-            text.key("fields", (p.field,))
+            text.key("fields", p.fields)
             text.key("lower", p.lower)
             text.key("upper", p.upper)
         for one in taken if not chosen else ():
@@ -812,7 +812,7 @@ class _Draft:
             max_hz=self.max_hz,
             parameters=tuple(map(_recorded, self.proposed)),
             chosen=tuple(
-                f"{p.name}: {' '.join(p.field.split())}, {p.lower:g} to {p.upper:g}"
+                f"{p.name}: {', '.join(' '.join(field.split()) for field in p.fields)}, {p.lower:g} to {p.upper:g}"
                 for p in (() if self.chosen is None else self.chosen.parameter)
             ),
             doubts=self.doubts,

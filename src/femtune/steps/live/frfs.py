@@ -103,13 +103,17 @@ class ComparedFunctions:
         return float(np.sum((real**2 + imaginary**2) / self.sd[at] ** 2))
 
 
-def function_percent(found: Complexes, other: Complexes) -> float:
-    """Largest difference of a function, root of the sum of squares over its lines relative to its own, in %."""
+def function_percent(found: Complexes, other: Complexes) -> tuple[float, int]:
+    """Largest difference of a function, root of the sum of squares over its lines relative to its own, in %, and the
+    position of the function, outputs before inputs."""
     size = np.linalg.norm(other, axis=2)
     some = size > _ZERO * size.max(initial=0.0)
     if not some.any():
-        return 0.0
-    return float(100.0 * (np.linalg.norm(found - other, axis=2)[some] / size[some]).max())
+        return 0.0, 0
+    relative = np.zeros(size.shape)
+    relative[some] = np.linalg.norm(found - other, axis=2)[some] / size[some]
+    worst = int(relative.argmax())
+    return float(100.0 * relative.flat[worst]), worst
 
 
 def live_values(ports: LivePorts, live: LiveModel, x: NDArray) -> Complexes | None:

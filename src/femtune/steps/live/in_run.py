@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.steps.live.record import LiveResults
-from femtune.steps.live.run import Sampled, live_results
+from femtune.steps.live.region import Sampled
+from femtune.steps.live.run import live_results
 from femtune.steps.posterior.record import PosteriorResults
 from femtune.steps.run.outcomes import Made, Outcomes, Updated
 

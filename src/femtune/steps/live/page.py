@@ -109,7 +109,8 @@ def _of_functions(c: LiveConfiguration, one: LiveCertificate, of_region: bool) -
     found = [e for f in c.functions if (e := f.region if of_region else f.bounds) is not None]
     if not found or (whole is not None and one is not whole):
         return "–"
-    return f"{_size(max(e.percent for e in found))} ({found[0].points} points)"
+    worst = max(found, key=lambda e: e.percent)
+    return f"{_size(worst.percent)} ({', '.join([worst.function] * bool(worst.function) + [f'{worst.points} points'])})"
 
 
 def _size(error: float) -> str:
@@ -220,7 +221,7 @@ def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurat
 
 def _functions(source: ReportSource, f: LiveFunctions) -> LiveFunctionsView:
     test = _array(source, f.test_values_key)
-    note = f"Damping of the model: {f.damping}. " + (f"Every {f.every}th line is shown." if f.every > 1 else "")
+    note = f"Damping of the model: {f.damping}. " + (f"One of {f.every} lines is shown." if f.every > 1 else "")
     found = (("region", f.region), ("bounds", f.bounds))
     return LiveFunctionsView(
         kind=f.kind, ordinate=f.kind.capitalize() + (f", {f.unit}" if f.unit else ""), look=f.look, outputs=f.outputs,
@@ -231,7 +232,7 @@ def _functions(source: ReportSource, f: LiveFunctions) -> LiveFunctionsView:
         form=f.form,
         sd=None if f.sd_key is None else single(_array(source, f.sd_key)),
         shift=None if f.shift_key is None else single(_array(source, f.shift_key)), note=note.strip(),
-        errors=tuple((where, e.points, e.percent) for where, e in found if e is not None),
+        errors=tuple((where, e.points, e.percent, e.function) for where, e in found if e is not None),
     )  # fmt: skip
 
 

@@ -163,6 +163,8 @@ class LiveFunctionErrors(Record):
     percent: float
     """Largest of all functions and points: root of the sum of squares of the differences over the lines, relative to
     that of the function of the full model, in %; 1e9 where the live model has no modes."""
+    function: str = ""
+    """The function with this difference, "output by input"."""
 
 
 class LiveFunctions(Record):

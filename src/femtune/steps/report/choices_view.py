@@ -33,7 +33,10 @@ def choices_view(source: ReportSource) -> ChoicesView | None:
     )
     if not inputs:
         return None
-    return ChoicesView(inputs, tuple(_modes(source, c) for c in compared), tuple(_fields(source)))
+    fields = _fields(source)
+    chosen = {one.name for one in fields if one.chosen}
+    kept = tuple(p.name for p in results.parameters if p.name not in chosen)
+    return ChoicesView(inputs, tuple(_modes(source, c) for c in compared), tuple(fields), kept)
 
 
 def _modes(source: ReportSource, c: CorrelationResults) -> ModeChoicesView:
@@ -53,6 +56,7 @@ def _modes(source: ReportSource, c: CorrelationResults) -> ModeChoicesView:
         pairs=tuple((p.test_label, p.model_number) for p in c.pairs),
         fixed=tuple((p.test_label, p.model_number) for p in c.pairs if p.fixed_by_hand),
         never=tuple((p.test_label, p.model_number) for p in c.never_pairs),
+        close=c.close_modes,
         left_out=tuple((m.test_label, m.reason) for m in c.left_out if m.test_label in c.mac_test_labels),
         sensors=tuple(one.test_dof for s in sensors for one in s.matched) + off,
         off=off,
@@ -65,14 +69,14 @@ def _fields(source: ReportSource) -> list[FieldChoiceView]:
     known = {
         p.fields[0]: p
         for p in results.parameters
-        if len(p.fields) == 1 and not p.unit and not p.tie and p.elements is None and p.lower is not None
+        if p.fields and not p.unit and not p.tie and p.elements is None and p.lower is not None
     }
     taken = {field for p in results.parameters for field in p.fields}
     found = []
     for one in model.fields if model is not None else ():
         p = known.get(one.field)
         if p is not None and p.lower is not None and p.upper is not None and p.lower > 0.0:
-            found.append(FieldChoiceView(p.name, one.field, one.what, one.value, p.lower, p.upper, True))
+            found.append(FieldChoiceView(p.name, one.field, one.what, one.value, p.lower, p.upper, True, p.fields[1:]))
         elif one.field not in taken:
             found.append(FieldChoiceView(one.name, one.field, one.what, one.value, one.lower, one.upper, False))
     return found

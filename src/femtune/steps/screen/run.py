@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from femtune.arrays import Flags, Reals
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.experiments.variance import constant_responses
 from femtune.files.runs_table import read_runs_table
-from femtune.files.study_file import with_screen
+from femtune.files.study_file import StudyFile, is_deck, read_study_file, with_screen
 from femtune.steps.held_folder import held_for_solver
 from femtune.steps.respond.run import check_places
 from femtune.steps.results import Results
@@ -37,11 +37,12 @@ from femtune.study.model_source import FromRuns
 from femtune.study.progress import silent
 from femtune.study.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.study.record import alert
+from femtune.study.runs_model import are_by_levels, build_without_fit
 from femtune.study.solutions import looking_up
 from femtune.study.study import load_study
 
 if TYPE_CHECKING:
-    from femtune.files.study_file import ScreenTable, StudyFile
+    from femtune.files.study_file import ScreenTable
     from femtune.study.external import SolverRuns
     from femtune.study.progress import Progress
     from femtune.study.record import Alert
@@ -78,7 +79,8 @@ def screen_parameters(
     watch = Stopwatch(call("screen", source))
     with held_for_solver(source, "screen"):
         with watch.step("read"):
-            study = load_study(with_jobs(source, jobs), progress, fresh=fresh, around=False)
+            source, options = _of_finished_runs(with_jobs(source, jobs), options)
+            study = load_study(source, progress, fresh=fresh, around=False)
             check_parameters(study)
             file = with_screen(study.file, options)
             asked = file.screen
@@ -114,6 +116,31 @@ def screen_parameters(
         alerts=record.alerts,
     )
     return ScreenResult(record, results, arrays, tuple(looked_up.remarks), () if table is None else (table,))
+
+
+def _of_finished_runs(
+    source: Path | str | StudyFile, options: Mapping[str, Any]
+) -> tuple[Path | str | StudyFile, Mapping[str, Any]]:
+    """The study and the options; where finished runs are analysed, which need no fit, with the model of one run.
+
+    Finished runs are analysed where the study or the options ask for this, or where they ask for nothing else and the
+    runs are of a design by levels.
+    """
+    if not isinstance(source, StudyFile):
+        if is_deck(source):
+            return source, options
+        source = read_study_file(source)
+    if source.runs is None or source.given.model is not None:
+        return source, options
+    asked = with_screen(source, options).screen
+    assert asked is not None
+    if asked.model_fields_set <= {"configuration"} and are_by_levels(source):
+        options = {**options, "design": "table"}
+    elif asked.design != "table":
+        return source, options
+    file = source.model_copy()
+    file._given = replace(source.given, model=build_without_fit(source))
+    return file, options
 
 
 def _method(asked: ScreenTable, study: Study) -> ScreenMethod | None:

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femtune.errors import FemtuneError, Notice
 from femtune.model import EigenSolution, damping_by_mode
-from femtune.residuals import CaseState, Residual, UpdateProblem
+from femtune.residuals import CaseState, ComparedCase, Residual, UpdateProblem
 from femtune.residuals.frf.asked import AskedFrfs
 from femtune.residuals.frf.measured_damping import MeasuredDamping, measured_damping
-from femtune.residuals.frf.refined_damping import with_refined_damping
+from femtune.residuals.frf.on_reduced import ReducedFrfs
+from femtune.residuals.frf.refined_damping import RefinedDamping, refined_on_reduced, with_refined_damping
 from femtune.residuals.frf.residual import FrfResidual
+from femtune.residuals.state import reduced_case
 from femtune.study.stages import reduction_rules
 from femtune.updating import update, update_reduced
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from femtune.arrays import Reals
+    from femtune.model.reduce import ReducedModel
     from femtune.study.study import Study
     from femtune.updating import Iteration, ReducedSearch, ReducedUpdate, SensitivityMethod, UpdateResult
 
@@ -129,15 +134,16 @@ def another_round(
     states = {s.case.name: s for s in start.after.states}
     damping = _damping_at(study, start)
     # ratios that were fitted where the comparison with equal damping ended are fitted once more, from a better point
-    least = 1 if reduced is not None else _LEAST_ROUNDS
-    if before is not None and before.rounds >= least and _same_partners(damping, before.damping):
+    if before is not None and before.rounds >= _LEAST_ROUNDS and _same_partners(damping, before.damping):
         return None
     cases, raw = [], dict[int, FrfResidual]()
+    served = _served(reduced, None if before is None else before.search)
     for case in study.cases:
         if case.compared is None or case.name not in damping:
             cases.append(case)
             continue
-        new = _with_raw(case.compared.residuals, states[case.name], damping[case.name], raw, fitted=reduced is None)
+        refined = partial(_refined, states[case.name], served.get(case.name))
+        new = _with_raw(case.compared.residuals, states[case.name], damping[case.name], raw, refined)
         cases.append(replace(case, compared=replace(case.compared, residuals=new)))
     on_raw = replace(study, cases=tuple(cases))
     problem = on_raw.problem()
@@ -204,19 +210,60 @@ def _damping(study: Study, state: CaseState) -> MeasuredDamping | None:
     return None
 
 
+@dataclass(frozen=True, eq=False)
+class _Served:
+    """A configuration, its reduced model, and the residuals with equal damping that it serves."""
+
+    case: ComparedCase
+    model: ReducedModel
+    functions: tuple[FrfResidual, ...]
+
+    def residual(self, asked: FrfResidual, now: FrfResidual) -> ReducedFrfs | None:
+        """The residual `now` that takes the place of `asked`, on the reduced model; None if it does not serve it."""
+        places = [i for i, one in enumerate(self.functions) if one is asked]
+        if not places:
+            return None
+        functions = tuple(now if one is asked else one for one in self.functions)
+        reduced = reduced_case(replace(self.case, residuals=functions), self.model, functions).residuals[places[0]]
+        assert isinstance(reduced, ReducedFrfs)
+        return reduced
+
+
+def _served(search: ReducedSearch | None, later: ReducedSearch | None) -> dict[str, _Served]:
+    """Reduced models by configuration, those of a later search where there was one."""
+    if search is None:
+        return {}
+    three = zip(search.cases, (later or search).trained, search.functions, strict=True)
+    return {case.name: _Served(case, t.model, of) for case, t, of in three}
+
+
+def _refined(
+    state: CaseState, served: _Served | None, asked: FrfResidual, now: FrfResidual, ratios: Reals, paired: Sequence[int]
+) -> RefinedDamping | None:
+    """Ratios that the measured FRFs `now` refine, which take the place of `asked`; None where there are no modes."""
+    reduced = None if served is None else served.residual(asked, now)
+    if served is not None and reduced is not None:
+        case = reduced_case(served.case, served.model, served.functions)
+        return refined_on_reduced(reduced, CaseState(case, case.configured.at(state.point.x)), ratios, paired)
+    modes = now.way.model(state, now.highest_hz)
+    if not isinstance(modes, EigenSolution):
+        return None
+    return with_refined_damping(now, modes, ratios[: modes.wanted], paired)
+
+
 def _with_raw(
     residuals: Sequence[Residual],
     state: CaseState,
     damping: MeasuredDamping,
     raw: dict[int, FrfResidual],
-    *,
-    fitted: bool,
+    refined: Callable[[FrfResidual, FrfResidual, Reals, Sequence[int]], RefinedDamping | None],
 ) -> tuple[Residual, ...]:
     """The residuals with measured FRFs in place of those of the identified test; `raw` gets each by the old one.
 
     Parameters
     ----------
-    fitted : whether the ratios are refined by the measured FRFs, which needs derivatives of the full model
+    refined : residuals with equal damping and with measured FRFs, ratios and positions of paired modes -> ratios that
+        the measured FRFs refine
     """
     out = list[Residual]()
     paired = [model for _, model in damping.partners]
@@ -228,12 +275,11 @@ def _with_raw(
             residual = asked.settled
             assert isinstance(residual, FrfResidual)
             now = asked.raw(residual, damping.identified, state, damping_by_mode(ratios.tolist()))
-            modes = now.way.model(state, now.highest_hz)
-            if fitted and isinstance(modes, EigenSolution):
-                refined = with_refined_damping(now, modes, ratios[: modes.wanted], paired)
-                ratios = np.append(refined.ratios, others)
+            better = refined(residual, now, ratios, paired)
+            if better is not None:
+                ratios = np.append(better.ratios, others)
                 way = replace(now.way, damping=damping_by_mode(ratios.tolist()))
-                now = replace(now, way=way, common=refined.common)
+                now = replace(now, way=way, common=better.common)
             raw[id(residual)] = now
             out.append(now)
         else:

@@ -158,9 +158,9 @@ _LINEARITY = "linearity: the test modes were assumed to be those of one linear s
 
 
 _MASS = (
-    "total mass: the data determine only the ratio of stiffness to mass, and no measured mass is given (weighed_mass "
-    'in the configuration, or a [[residual]] of kind "mass"); an error of the mass of the model changes the updated '
-    "stiffnesses, and neither the residuals nor the standard deviations show it"
+    "total mass: a common factor on all stiffnesses and masses changes no value that is compared, and nothing was "
+    'weighed (weighed_mass in the configuration, or a [[residual]] of kind "mass"); updated values are relative to the '
+    "masses of the deck, and an error of these shows neither in residuals nor in standard deviations"
 )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -119,7 +118,8 @@ def view(
             if not 1 <= first <= len(record.freq_hz):
                 raise FemtuneError("view.mode", mode=first, modes=len(record.freq_hz))
         shapes = [name for name in mesh.point_data if name.startswith("mode ")]
-        views.append(_like(views[0], _View(mesh, shapes)) if views else _View(mesh, shapes))
+        found = _View(mesh, shapes, tuple(record.freq_hz))
+        views.append(_like(views[0], found) if views else found)
     if file is None:
         _window(pyvista, views, first)
         return None
@@ -137,10 +137,11 @@ def view(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A mesh with shapes, and the names of these in the order of the modes."""
+    """A mesh with shapes, and the names and frequencies (modes,) of these in the order of the modes."""
 
     mesh: Any
     shapes: list[str]
+    freq_hz: tuple[float, ...]
 
 
 def _at_draws(described: Path | str | StudyFile, draws: int) -> list[StudyFile]:
@@ -173,13 +174,17 @@ def _with_values(study: StudyFile, values: dict[str, float]) -> StudyFile:
 def _like(first: _View, other: _View) -> _View:
     """The other with its shapes in the order of those of the first that they are most like."""
     ours, theirs = (np.array([np.ravel(v.mesh.point_data[name]) for name in v.shapes]) for v in (first, other))
-    cosine = np.abs(ours @ theirs.T) / np.linalg.norm(ours, axis=1)[:, None] / np.linalg.norm(theirs, axis=1)
+    # a mode that moves no point of the mesh is like none
+    size = np.maximum(np.linalg.norm(ours, axis=1)[:, None] * np.linalg.norm(theirs, axis=1), np.finfo(float).tiny)
+    cosine = np.abs(ours @ theirs.T) / size
     _, order = linear_sum_assignment(-cosine)
     # the signs of shapes are arbitrary
     for i, k in enumerate(order):
         if ours[i] @ theirs[k] < 0.0:
             other.mesh.point_data[other.shapes[k]] = -np.asarray(other.mesh.point_data[other.shapes[k]])
-    return replace(other, shapes=[other.shapes[k] for k in order])
+    return replace(
+        other, shapes=[other.shapes[k] for k in order], freq_hz=tuple(other.freq_hz[k] for k in order)
+    )  # fmt: skip
 
 
 def _check_screen(picture: Path | None) -> None:
@@ -213,13 +218,8 @@ def _plotter(pyvista: Any, views: Sequence[_View], mode: int, *, off_screen: boo
 
 def _range_of(views: Sequence[_View], mode: int) -> tuple[str, str]:
     """Names of the mode with the lowest and the highest frequency."""
-    names = sorted((v.shapes[mode - 1] for v in views), key=_hertz)
-    return names[0], names[-1]
-
-
-def _hertz(shape: str) -> float:
-    found = re.search(r"([\d.]+(?:e[+-]?\d+)?) *Hz", shape)
-    return float(found[1]) if found else 0.0
+    ordered = sorted(views, key=lambda v: v.freq_hz[mode - 1])
+    return ordered[0].shapes[mode - 1], ordered[-1].shapes[mode - 1]
 
 
 def _draw(plotter: Any, mesh: Any, shape: str, phase: float, name: str = "shape", opacity: float = 1.0) -> None:

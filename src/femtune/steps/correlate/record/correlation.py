@@ -198,5 +198,8 @@ class CorrelationResults(Record):
     """Test shapes expanded to the model; None if the study does not request it."""
     never_pairs: tuple[ForbiddenPair, ...] = ()
     """Pairs that the study forbids."""
+    close_modes: tuple[tuple[int, ...], ...] = ()
+    """Numbers of the model modes of each cluster of close ones, which are compared as one subspace; empty in older
+    results."""
     alerts: tuple[Alert, ...] = ()
     """Findings of the comparison and of the solution of the modes, such as sensors that move against the model."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.errors import FemtuneError
-from femtune.judge.missing import ScoreTest, p_of_refit, score_test
+from femtune.judge.missing import ScoreTest, mode_that_asks, p_of_refit, score_test
 from femtune.judge.refit import Refit, misfit, refitted
 from femtune.judge.regions import mesh_of
 from femtune.judge.supports import support_freed
@@ -323,14 +323,17 @@ class _Found:
     def _refitted_field(self, field: Widening, found: Refit) -> RefittedField:
         column = _column(self.columns, field)
         values = whitened_values((*found.evaluation.weighted, *prior_blocks(self.result, found.x)))
-        p = None
+        p = most = None
         if len(values) == len(self.rows.r):
+            most = mode_that_asks(self.rows, column, values)
             p = p_of_refit(self.rows, replace(self.rows, r=values, J=np.column_stack([self.rows.J, column])))
         sd = 1.0 / max(float(np.linalg.norm(self.rows.across(column))), np.finfo(float).tiny)
         base = 1.0 if isinstance(field, TestedField) else 0.0
         return RefittedField(
             factor=base + found.change, sd=None if found.at_bound else sd, at_bound=found.at_bound,
             converged=found.converged, iterations=found.iterations, chi_square=found.chi_square, p_value=p,
+            mode=f"{most.mode} ({most.configuration})" if most else "", mode_before=most.before if most else None,
+            mode_after=most.after if most else None, p_without_mode=most.p_without if most else None,
         )  # fmt: skip
 
 

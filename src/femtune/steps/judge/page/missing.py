@@ -54,6 +54,15 @@ def blocks_of(found: MissingResults, arrays: Mapping[str, NDArray]) -> Iterable[
         "of the number of fields, and of the two other tests of the fit. A change beyond the usual range is not shown. "
         f"χ² without any of them: {short(found.chi_square)}."
     )
+    for field in found.fields:
+        refit = field.refit
+        if refit is not None and refit.mode:
+            note += (
+                f" Only test mode {refit.mode} asks for {field.name}: its part of χ² changes from "
+                f"{short(refit.mode_before)} to {short(refit.mode_after)}, and without this mode the p value of the "
+                f"field by itself is {short(refit.p_without_mode)}. A mode that was identified badly looks the same."
+            )
+            break
     yield Table("", heads, tuple(_row(f)[: len(heads)] for f in found.fields), note)
     if found.corners_key is not None and found.gain_key is not None:
         yield Figure(

@@ -81,7 +81,10 @@ def criteria_reasons(results: Results) -> Iterable[ReasonRecord]:
     ]  # fmt: skip
     yield from _failed(judged, acceptance, "judge.held-out-fails")
     tested = {v.data for v in verdicts if v.verdict != "not tested"}
-    if not tested:
+    deviations = validation.deviations if validation else None
+    if not tested and deviations is not None and any(one.data == "validation" for one in deviations.channels):
+        yield reason("reservation", "judge.nothing-held-out/no-criterion")
+    elif not tested:
         yield reason("reservation", "judge.nothing-held-out")
     elif not any(word in data for data in tested for word in _INDEPENDENT):
         yield reason("reservation", "judge.not-independent", data=listed(sorted(tested)))

@@ -11,7 +11,7 @@ from femtune.steps.judge.record.parts import NOT_ACCEPTED, RESERVED
 from femtune.steps.judge.record.reason import ReasonRecord, reason
 
 if TYPE_CHECKING:
-    from femtune.steps.judge.record.missing import MissingField, MissingResults
+    from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
     from femtune.steps.results import Results
 
 _PLAUSIBLE_SHARE = 0.5
@@ -40,13 +40,7 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
         yield _of_support(missing, first, first.stiffness)
     elif confirmed(missing, first):
         assert first.refit is not None
-        change = 100.0 * (first.refit.factor - 1.0)
-        yield reason(
-            "not accepted", "judge.missing/at-limit" if first.refit.at_bound else "judge.missing", first.name,
-            name=first.name, field=_named(first),
-            change=f"{'an increase' if change > 0.0 else 'a decrease'} by {abs(change):.3g} %",
-            before=f"{missing.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
-        )  # fmt: skip
+        yield _of_field(missing, first, first.refit)
     elif first.share < _PLAUSIBLE_SHARE:
         yield reason(
             "reservation", "judge.missing/implausible", chance=chance(missing.p_value), tested=_tested(missing)
@@ -63,14 +57,47 @@ def _suspected(found: MissingResults, first: MissingField) -> ReasonRecord:
     )  # fmt: skip
 
 
+def _of_field(found: MissingResults, first: MissingField, refit: RefittedField) -> ReasonRecord:
+    """A field that a refit confirms."""
+    change = 100.0 * (refit.factor - 1.0)
+    words = f"{'an increase' if change > 0.0 else 'a decrease'} by {abs(change):.3g} %"
+    if refit.mode:
+        limit = ", the limit of its usual range," if refit.at_bound else ""
+        return reason(
+            "not accepted", "judge.missing/one-mode", first.name,
+            name=first.name, field=_named(first), change=words + limit, **_of_one_mode(found, refit),
+        )  # fmt: skip
+    return reason(
+        "not accepted", "judge.missing/at-limit" if refit.at_bound else "judge.missing", first.name,
+        name=first.name, field=_named(first), change=words,
+        before=f"{found.chi_square:.4g}", after=f"{refit.chi_square:.4g}",
+    )  # fmt: skip
+
+
+def _of_one_mode(found: MissingResults, refit: RefittedField) -> dict[str, str]:
+    """Facts of a refit that explains one mode."""
+    assert refit.p_without_mode is not None
+    return {
+        "mode": refit.mode, "chance": chance(refit.p_without_mode),
+        "before": f"{found.chi_square:.4g}", "after": f"{refit.chi_square:.4g}",
+    }  # fmt: skip
+
+
 def _of_mass(found: MissingResults, first: MissingField, largest: float) -> ReasonRecord:
     """A mass that the deck does not have; a refit that does not confirm it leaves the suspicion."""
     place = _named(first).removeprefix("mass, ")
     if confirmed(found, first):
         assert first.refit is not None
+        mass = with_unit(f"{first.refit.factor * largest:.2g}", first.mass_unit)
+        if first.refit.mode:
+            limit = ", the largest that is plausible," if first.refit.at_bound else ""
+            return reason(
+                "not accepted", "judge.missing/mass-one-mode", first.name,
+                position=place, spot=first.place, mass=mass + limit, **_of_one_mode(found, first.refit),
+            )  # fmt: skip
         return reason(
             "not accepted", "judge.missing/mass-at-limit" if first.refit.at_bound else "judge.missing/mass", first.name,
-            position=place, spot=first.place, mass=with_unit(f"{first.refit.factor * largest:.2g}", first.mass_unit),
+            position=place, spot=first.place, mass=mass,
             before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
         )  # fmt: skip
     return reason(
@@ -84,10 +111,16 @@ def _of_support(found: MissingResults, first: MissingField, least: float) -> Rea
     place = _named(first).removeprefix("support ").removeprefix("support, ")
     if confirmed(found, first):
         assert first.refit is not None
+        stiffness = with_unit(f"{least / max(first.refit.factor, 1e-6):.2g}", first.stiffness_unit)
+        if first.refit.mode:
+            limit = ", the least that is plausible," if first.refit.at_bound else ""
+            return reason(
+                "not accepted", "judge.missing/support-one-mode", first.name,
+                position=place, spot=first.place, stiffness=stiffness + limit, **_of_one_mode(found, first.refit),
+            )  # fmt: skip
         return reason(
             "not accepted", "judge.missing/support-at-limit" if first.refit.at_bound else "judge.missing/support",
-            first.name, position=place, spot=first.place,
-            stiffness=with_unit(f"{least / max(first.refit.factor, 1e-6):.2g}", first.stiffness_unit),
+            first.name, position=place, spot=first.place, stiffness=stiffness,
             before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
         )  # fmt: skip
     return reason(

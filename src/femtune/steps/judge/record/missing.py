@@ -27,6 +27,15 @@ class RefittedField(Record):
     p_value: float | None
     """Probability that noise lowers χ² as much, by the F test with the scales of the kinds; None if other modes are
     compared."""
+    mode: str = ""
+    """The test mode, with its configuration in brackets, whose residuals alone ask for the field: most of the decrease
+    of χ² is its own, and the test without it finds nothing. "" where several modes ask for the field."""
+    mode_before: float | None = None
+    """Its part of χ² at the end of the update; None without such a mode."""
+    mode_after: float | None = None
+    """Its part of `chi_square`."""
+    p_without_mode: float | None = None
+    """Probability that noise alone explains as much, by the test of the field without this mode."""
 
 
 class MissingField(Record):

@@ -285,7 +285,23 @@ def _found(source: ReportSource) -> str:
     short_ = [m.configuration for m in counted_ if m.sturm_count != m.modes_below_shift]
     upto = f"up to {freq(min(m.sturm_shift_hz or 0.0 for m in counted_))} Hz"
     said = f"differs in {listed(short_)}: modes may be missing" if short_ else f"no mode was missed {upto}"
-    return said + unchecked
+    return said + unchecked + _sums_of_masses(modes)
+
+
+def _sums_of_masses(modes: Sequence[ModelModes]) -> str:
+    """How much of the mass of a structure that is held moves in the modes that were solved."""
+    held = [
+        (m.configuration, m.effective_masses.fractions) for m in modes
+        if m.effective_masses is not None and m.effective_masses.fractions and not m.rigid_body_modes
+    ]  # fmt: skip
+    if not held:
+        return ""
+    sums = []
+    for name, fractions in held:
+        parts = zip(*(of_mode[:_TRANSLATIONS] for of_mode in fractions))
+        shares = (NONE if None in d else f"{100.0 * sum(p or 0.0 for p in d):.1f}" for d in parts)
+        sums.append((name, ", ".join(shares)))
+    return f"; sums of their effective masses in X, Y, Z {_by_configuration(sums)} %"
 
 
 def _software(source: ReportSource) -> str:

@@ -11,7 +11,7 @@ from femtune.document.numbers import NONE, NOT_TESTED, counted, listed, short, s
 from femtune.steps.run.page.basis import basis
 from femtune.steps.run.page.short_form import not_tested, undetermined
 from femtune.steps.run.page.summary import is_green, summary
-from femtune.steps.update.page.parameters import interval_ends, physical_values
+from femtune.steps.update.page.parameters import interval_ends, physical_values, sampled_remarks
 from femtune.steps.validate.page import verdict_cell
 
 if TYPE_CHECKING:
@@ -142,7 +142,10 @@ def _changes(source: ReportSource) -> list[Block]:
     bound = [p.name for p in update.parameters if p.at_bound]
     said = f"{listed(bound)} {'is at its bound' if len(bound) == 1 else 'are at their bounds'}."
     at_bound = [Paragraph(said, "poor")] if bound else []
-    return [Heading("What changed"), *tables, *physical_values(update.parameters, _MOST_VALUES), *at_bound]
+    return [
+        Heading("What changed"), *tables, *physical_values(update.parameters, _MOST_VALUES),
+        *sampled_remarks(source.results.posterior), *at_bound,
+    ]  # fmt: skip
 
 
 def _changed(fact: ParameterFacts, parameter: ParameterResult) -> tuple[Cell, ...]:

@@ -146,25 +146,19 @@ def _forest_row(fact: ParameterFacts, result: ParameterResult | None) -> ForestR
 
 
 def _table(facts: tuple[ParameterFacts, ...], results: dict[str, ParameterResult]) -> Block:
+    # factors have no unit: without the column the table fits its place
+    units = any(f.unit for f in facts)
     heads = columns(
-        "Parameter",
-        "Unit",
-        ">Nominal",
-        ">Updated",
-        ">± σ",
-        ">95 %",
-        ">Change %",
-        ">Bounds",
-        ">Prior σ",
-        "Fields or tie",
+        "Parameter", *(("Unit",) if units else ()), ">Nominal", ">Updated", ">± σ", ">95 %", ">Change %", ">Bounds",
+        ">Prior σ", "Fields or tie",
     )  # fmt: skip
-    return Table("Values", heads, tuple(_row(f, results.get(f.name)) for f in facts))
+    return Table("Values", heads, tuple(_row(f, results.get(f.name), units) for f in facts))
 
 
-def _row(fact: ParameterFacts, result: ParameterResult | None) -> tuple[Cell, ...]:
+def _row(fact: ParameterFacts, result: ParameterResult | None, units: bool) -> tuple[Cell, ...]:
     return row(
         fact.name,
-        fact.unit or NONE,
+        *((fact.unit or NONE,) if units else ()),
         value(fact.nominal),
         value(result.value) if result else "not updated",
         _spread(result),
