@@ -331,15 +331,16 @@ class Compared:
 
 def compared(problem: Problem) -> Compared:
     """One problem both ways."""
-    mine = Posterior(Building(problem.configurations), problem.model)
     begun = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        found, nominal = sampled(problem, Path(folder))
+    between = time.process_time()
+    mine = Posterior(Building(problem.configurations), problem.model)
     chains = mine.chains()
     long = mine.factors(chains).reshape(-1, len(mine.free))
     r_hat = max(split_r_hat(chains[:, :, i]) for i in range(len(mine.free)))
     evidence = mine.log_evidence(chains.reshape(-1, len(mine.free)))
-    between = time.process_time()
-    with tempfile.TemporaryDirectory() as folder:
-        found, nominal = sampled(problem, Path(folder))
+    seconds = between - begun, time.process_time() - between
     record = found.results.posterior
     assert record is not None, [a.sentence for a in found.results.alerts]
     assert record.free == tuple(mine.free), record.free
@@ -351,7 +352,7 @@ def compared(problem: Problem) -> Compared:
     return Compared(
         problem, mine.free, quantiles(long, even), quantiles(samples, weights), linear, long.std(axis=0), r_hat,
         evidence, (record.log_evidence, record.log_evidence_sd), record.drawn_from, record.effective,
-        record.gradient_solutions, record.plain_solutions, (between - begun, time.process_time() - between),
+        record.gradient_solutions, record.plain_solutions, seconds,
     )  # fmt: skip
 
 
