@@ -317,6 +317,7 @@ class Compared:
     gradients: int
     plain: int
     seconds: tuple[float, float]
+    """Of the processor, for femtune's samples and for the long chains."""
 
     @property
     def median(self) -> NDArray:
@@ -369,15 +370,16 @@ def page(rows: list[Compared]) -> Iterator[str]:
     yield ""
     yield (
         "| problem | R-hat | medians differ by | 2.5 and 97.5 % quantiles differ by | ln Z, long | ln Z | drawn from | "
-        f"effective of {DRAWS:,} | solutions with derivatives | other solutions |"
+        f"effective of {DRAWS:,} | solutions with derivatives | other solutions | processor s, long | processor s |"
     )
-    yield "| --- | ---: | ---: | ---: | ---: | ---: | --- | ---: | ---: | ---: |"
+    yield "| --- | ---: | ---: | ---: | ---: | ---: | --- | ---: | ---: | ---: | ---: | ---: |"
     for row in rows:
         yield (
             f"| {row.problem.title} | {row.r_hat:.3f} | {row.median.max():.2f} σ (aim {AIMS['median']:g}) | "
             f"{row.ends.max():.2f} σ (aim {AIMS['quantile']:g}) | {row.evidence[0]:.2f} ± {row.evidence[1]:.2f} | "
             f"{row.ours_evidence[0]:.2f} ± {row.ours_evidence[1]:.2f} | {row.drawn_from} | {row.effective:.0f} "
-            f"(aim {row.problem.effective}) | {row.gradients} (aim {row.problem.gradients}) | {row.plain} |"
+            f"(aim {row.problem.effective}) | {row.gradients} (aim {row.problem.gradients}) | {row.plain} | "
+            f"{row.seconds[1]:.0f} | {row.seconds[0]:.0f} |"
         )
     for row in rows:
         yield ""
