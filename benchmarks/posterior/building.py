@@ -348,7 +348,8 @@ def compared(problem: Problem) -> Compared:
     samples, weights = found.arrays[record.samples_key] / nominal, found.arrays[record.weights_key]
     even = np.full(len(long), 1.0 / len(long))
     linear = np.array([
-        (row.linear_interval_95[0], row.linear_median, row.linear_interval_95[1]) for row in record.parameters
+        (row.linear_interval_95[0], row.linear_median, row.linear_interval_95[1])
+        for row in record.parameters if row.parameter in record.free
     ]).T / nominal  # fmt: skip
     return Compared(
         problem, mine.free, quantiles(long, even), quantiles(samples, weights), linear, long.std(axis=0), r_hat,
