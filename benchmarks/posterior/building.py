@@ -317,6 +317,7 @@ class Compared:
     gradients: int
     plain: int
     seconds: tuple[float, float]
+    """Of the processor, for femtune's samples and for the long chains."""
 
     @property
     def median(self) -> NDArray:
@@ -331,27 +332,29 @@ class Compared:
 
 def compared(problem: Problem) -> Compared:
     """One problem both ways."""
-    mine = Posterior(Building(problem.configurations), problem.model)
     begun = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        found, nominal = sampled(problem, Path(folder))
+    between = time.process_time()
+    mine = Posterior(Building(problem.configurations), problem.model)
     chains = mine.chains()
     long = mine.factors(chains).reshape(-1, len(mine.free))
     r_hat = max(split_r_hat(chains[:, :, i]) for i in range(len(mine.free)))
     evidence = mine.log_evidence(chains.reshape(-1, len(mine.free)))
-    between = time.process_time()
-    with tempfile.TemporaryDirectory() as folder:
-        found, nominal = sampled(problem, Path(folder))
+    seconds = between - begun, time.process_time() - between
     record = found.results.posterior
     assert record is not None, [a.sentence for a in found.results.alerts]
     assert record.free == tuple(mine.free), record.free
     samples, weights = found.arrays[record.samples_key] / nominal, found.arrays[record.weights_key]
     even = np.full(len(long), 1.0 / len(long))
     linear = np.array([
-        (row.linear_interval_95[0], row.linear_median, row.linear_interval_95[1]) for row in record.parameters
+        (row.linear_interval_95[0], row.linear_median, row.linear_interval_95[1])
+        for row in record.parameters if row.parameter in record.free
     ]).T / nominal  # fmt: skip
     return Compared(
         problem, mine.free, quantiles(long, even), quantiles(samples, weights), linear, long.std(axis=0), r_hat,
         evidence, (record.log_evidence, record.log_evidence_sd), record.drawn_from, record.effective,
-        record.gradient_solutions, record.plain_solutions, (between - begun, time.process_time() - between),
+        record.gradient_solutions, record.plain_solutions, seconds,
     )  # fmt: skip
 
 
@@ -368,15 +371,16 @@ def page(rows: list[Compared]) -> Iterator[str]:
     yield ""
     yield (
         "| problem | R-hat | medians differ by | 2.5 and 97.5 % quantiles differ by | ln Z, long | ln Z | drawn from | "
-        f"effective of {DRAWS:,} | solutions with derivatives | other solutions |"
+        f"effective of {DRAWS:,} | solutions with derivatives | other solutions | processor s, long | processor s |"
     )
-    yield "| --- | ---: | ---: | ---: | ---: | ---: | --- | ---: | ---: | ---: |"
+    yield "| --- | ---: | ---: | ---: | ---: | ---: | --- | ---: | ---: | ---: | ---: | ---: |"
     for row in rows:
         yield (
             f"| {row.problem.title} | {row.r_hat:.3f} | {row.median.max():.2f} σ (aim {AIMS['median']:g}) | "
             f"{row.ends.max():.2f} σ (aim {AIMS['quantile']:g}) | {row.evidence[0]:.2f} ± {row.evidence[1]:.2f} | "
             f"{row.ours_evidence[0]:.2f} ± {row.ours_evidence[1]:.2f} | {row.drawn_from} | {row.effective:.0f} "
-            f"(aim {row.problem.effective}) | {row.gradients} (aim {row.problem.gradients}) | {row.plain} |"
+            f"(aim {row.problem.effective}) | {row.gradients} (aim {row.problem.gradients}) | {row.plain} | "
+            f"{row.seconds[1]:.0f} | {row.seconds[0]:.0f} |"
         )
     for row in rows:
         yield ""

@@ -314,7 +314,8 @@ def _widened(likelihood: RestrictedLikelihood, best: Reals, low: Reals, high: Re
         fit = _with_others(part, _most_likely(part, best, low, high), low, high)
         spread = np.maximum(fit.spread(u[out]), np.finfo(float).tiny)
         ratio[out] = np.abs(fit.value(u[out]) - y[out]) / (spread * stdtrit(fit.freedom, 0.95))
-    factor = float(np.quantile(ratio, 0.9))
+    # of n runs that were left out, the one below which a further run lies with this probability
+    factor = float(np.quantile(ratio, 0.9, method="weibull"))
     return max(_NARROWEST, float(np.sqrt((_RIGHT_RUNS + n * factor**2) / (_RIGHT_RUNS + n))))
 
 
