@@ -89,6 +89,16 @@ def test_a_window_that_was_stronger_than_the_decay_is_told() -> None:
 
 
 @pytest.mark.slow
+def test_a_window_that_hardly_falls_is_told() -> None:
+    frfs = known().frfs(LINES, 1e-3)
+    codes = {}
+    for tau in (400.0, 4.0):
+        codes[tau] = {n.code: n for n in identify_frfs(frfs, replace(ORDER, exponential_s=tau)).notices}
+    assert "identify.window-weak" not in codes[4.0]
+    check_shown("identify.window-weak", codes[400.0]["identify.window-weak"])
+
+
+@pytest.mark.slow
 @kinds
 @pytest.mark.parametrize("decay", [0.0, 1.0 / TAU])
 def test_rigid_body_motion_of_a_model(kind: str, decay: float) -> None:

@@ -57,6 +57,8 @@ FIXED_ORDER = "N4SID"
 """Method of a fixed order."""
 _GROWS = 3.0
 """Standard deviations by which a pole must grow without the window for the window to be doubted."""
+_HARDLY_FALLS = 0.8
+"""Value of a window at the end of the record from which it hardly has an effect: usual ones fall to a hundredth."""
 _SAMPLES_PER_PERIOD = 10.24
 """Delays of channels are looked for in steps of a quarter of a sample, with 2.56 samples a period at the last line."""
 
@@ -200,7 +202,7 @@ def identify_frfs(
         ``identify.missing-pair``, ``identify.missing-lines``, ``identify.no-candidate``, ``identify.rigid-modes``,
         ``identify.no-driving-point``
     """
-    told = list(check_frfs(frfs))
+    told = [*check_frfs(frfs), *_weak_window(frfs, asked.decay)]
     roving = asked.by_reciprocity and len(frfs.references) > len(frfs.responses)
     used = _without_dead(frfs)
     if roving:
@@ -328,6 +330,17 @@ def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tu
         coherence = coherence_of_fit(whole, fit.synthesised.values[:, 0], rest.frfs.values[:, 0])
         frfs = replace(frfs, values=model + binned(rest)[0].values, coherence=coherence[:, None])
     return replace(fit, measured=frfs, synthesised=synthesised)
+
+
+def _weak_window(frfs: FrfSet, decay: float) -> tuple[Notice, ...]:
+    """A warning of a window that hardly falls in a record of 1/Δf seconds, as with a time constant in ms."""
+    if not decay or len(frfs.freq_hz) < 2:
+        return ()
+    seconds = 1.0 / float(np.median(np.diff(frfs.freq_hz)))
+    end = float(np.exp(-decay * seconds))
+    if end < _HARDLY_FALLS:
+        return ()
+    return (Notice("identify.window-weak", seconds=1.0 / decay, block=seconds, end=100.0 * end),)
 
 
 def _growing(fit: ModalFit, shift: float) -> tuple[Notice, ...]:
