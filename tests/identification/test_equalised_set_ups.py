@@ -10,6 +10,7 @@ import pytest
 from femtune.errors import FemtuneError
 from femtune.identification import EqualisedTest, InputKnown, equalised_test, identify_frfs
 from femtune.identification.guided import with_mode_near
+from femtune.identification.join import join_ranges
 from femtune.identification.redrawn import RedrawnTest
 from femtune.identification.rigid_body import rigid_body_motion
 from femtune.modal import FrfSet, ModeSet
@@ -170,3 +171,15 @@ def test_all_poles_of_a_fixed_order_are_modes() -> None:
     with pytest.raises(FemtuneError) as caught:
         InputKnown(order=7)
     check_shown("identify.method, fixed-order", caught.value)
+
+
+def test_a_later_set_adds_what_an_earlier_one_does_not_have() -> None:
+    first, second = known().frfs(np.arange(10.0, 30.0, 0.5)), known().frfs(np.arange(5.0, 20.0, 0.2))
+    both = join_ranges([first, second])
+    expected = np.union1d(np.arange(10.0, 30.0, 0.5), np.arange(5.0, 10.0, 0.2))
+    complete = np.isfinite(both.values).all(axis=(0, 1))
+    np.testing.assert_allclose(both.freq_hz[complete], expected, rtol=1e-12)
+    np.testing.assert_allclose(both.values[:, :, complete], known().frfs(both.freq_hz[complete]).values, rtol=1e-12)
+    # one file for each force
+    one, other = (replace(first, values=first.values[:, [j]], references=first.references.select([j])) for j in (0, 1))
+    np.testing.assert_array_equal(join_ranges([one, other]).values, first.values)

@@ -244,3 +244,36 @@ def test_what_is_said_of_set_ups(bench: Bench) -> None:
         load_study(study(bench, "suspension_hz = 300.0\nband_hz = [5.0, 240.0]"))
     check_shown("study.value, suspension", FemtuneError("study.value/suspension"))
     assert "suspension_hz" in str(caught.value)
+
+
+def two_tests(bench: Bench, noise: float = 0.002) -> Path:
+    """Accelerances from 20 Hz in one file, and those of a second test from 3 to 40 Hz in another."""
+    measure(bench, noise, lines=np.arange(3.0, 40.0, 0.2))
+    (bench.folder / "frfs.uff").rename(bench.folder / "low.uff")
+    measure(bench, noise, lines=np.arange(20.0, 240.0, 0.25))
+    path = study(bench, residual="from_hz = 20.0")
+    path.write_text(path.read_text("utf-8").replace('"frfs.uff"', '["frfs.uff", "low.uff"]'), "utf-8")
+    return path
+
+
+def test_low_frequencies_of_a_second_test(bench: Bench) -> None:
+    found = load_study(two_tests(bench))
+    (case,) = found.cases
+    assert case.test is not None
+    assert case.test.frfs is not None
+    complete = np.isfinite(case.test.frfs.values).all(axis=(0, 1))
+    expected = np.concatenate([np.arange(3.0, 20.0 - 1e-9, 0.2), np.arange(20.0, 240.0, 0.25)])
+    np.testing.assert_allclose(case.test.frfs.freq_hz[complete], expected, rtol=1e-9)
+    (notice,) = [n for n in found.notices if n.code == "test.joined-frfs"]
+    assert "185 lines from 3 to 39.8 Hz" in notice.what
+    sets = "880 lines from 20 to 239.75 Hz, 185 lines from 3 to 39.8 Hz"
+    check_shown("test.joined-frfs", Notice("test.joined-frfs", level="info", sets=sets, lines=965))
+
+
+@pytest.mark.slow
+def test_parameters_of_two_tests(bench: Bench) -> None:
+    results = ft.update(two_tests(bench)).results
+    assert results.update is not None
+    assert results.update.ok
+    assert results.update.raw is not None
+    assert max(error(p) for p in results.update.parameters) < 3.5
