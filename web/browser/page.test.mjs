@@ -886,6 +886,34 @@ test("FRFs of the live model follow the sliders, beside those of the test and of
   await close();
 });
 
+test("the page answers with the worst level of a function, at the frequency of the cursor and at its peak", async (t) => {
+  const path = functionsPage();
+  if (!path) { t.skip("no page with FRFs of a live model"); return; }
+  const { page, close } = await open(path), panel = page.locator(".livemodel"), told = panel.locator(".questions .told"), field = panel.getByLabel("Level at, Hz");
+  await page.waitForSelector(".livemodel[data-solved]");
+  assert.ok(Number(await field.inputValue()) > 0, "the highest line");
+  await panel.locator(".livefrfs svg.plot").focus();
+  await page.keyboard.press("c");
+  const hz = Number(await panel.locator(".livefrfs svg.plot").getAttribute("data-cursor"));
+  assert.ok(Math.abs(Number(await field.inputValue()) / hz - 1) < 1e-5, "the cursor");
+  const level = {};
+  for (const which of ["Lowest", "Highest"]) {
+    await panel.getByRole("button", { name: new RegExp(`^${which} level there`) }).click();
+    await told.filter({ hasText: `${which} level of ` }).waitFor({ timeout: 60000 });
+    const found = /: ([\d.e−]+) [^ ]+, ([+−][\d.]+) dB from that of the update/.exec(await told.textContent());
+    assert.ok(found, await told.textContent());
+    level[which] = [Number(found[1].replace("−", "-")), Number(found[2].replace("−", "-"))];
+  }
+  assert.ok(level.Lowest[0] < level.Highest[0] && level.Lowest[1] <= 0 && level.Highest[1] >= 0);
+  await panel.getByRole("button", { name: /^Highest peak/ }).click();
+  await told.filter({ hasText: /^Highest peak of \S+ by \S+ in .* at [\d.]+ Hz, \+/ }).waitFor({ timeout: 60000 });
+  assert.doesNotMatch(await panel.locator(".answers > .shown").textContent(), /Outside/);
+  await field.fill("");
+  await panel.getByRole("button", { name: /^Lowest level there/ }).click();
+  assert.equal(await told.textContent(), "Enter a frequency, or click on the plot.");
+  await close();
+});
+
 /** A Universal File of the test modes of a configuration of the page, with changes. */
 async function universal(page, { factor = 1, point = (n) => n } = {}) {
   const c = (await viewOf(page)).live.configurations[0], bytes = Buffer.from(c.test_shapes.data, "base64"), modes = c.test_labels.length;
