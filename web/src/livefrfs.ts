@@ -33,7 +33,7 @@ export class LiveFrfs {
   constructor(private readonly live: Live, private readonly reach: string, private readonly ask: () => void, private readonly doubted: (doubt: string) => void, private readonly question: (level: AskedLevel) => void) {
     const button = (text: string, act: () => void) => h("button", { type: "button", click: act }, text), where = live.region ? "the 95 % region" : reach;
     const level = (sign: number) => () => this.askLevel(sign, true);
-    this.questions.append(h("p", { class: "tools" }, labelled("Level at, Hz", this.hz), button(`Lowest level there in ${where}`, level(-1)), button(`Highest level there in ${where}`, level(1)),
+    this.questions.append(h("div", { class: "controls" }, labelled("Level at, Hz", this.hz)), h("p", { class: "tools" }, button(`Lowest level there in ${where}`, level(-1)), button(`Highest level there in ${where}`, level(1)),
       button(`Highest peak of the function in ${where}`, () => this.askLevel(1, false))), this.told);
   }
 
