@@ -45,7 +45,7 @@ from femtune.validation.criteria import (
     RESONANCE,
     SELF,
 )
-from femtune.validation.frfs import PredictedFrfs, assess_frfs
+from femtune.validation.frfs import PredictedFrfs, assess_frfs, squared_deviation
 
 from .cantilever import CANTILEVER, Bench, bounded, with_factors
 from .damped_cantilever import LINES
@@ -199,6 +199,20 @@ def test_criteria_are_both_met_and_not_met_at_these_points(answering: Answering)
     assert sum(len(o) == 2 for o in outcomes.values()) >= 7, {
         q: (o, [_wanted(answering, *p)[q].measured for p in _POINTS]) for q, o in outcomes.items()
     }
+
+
+@pytest.mark.parametrize(("root", "tip"), _POINTS[1:3])
+def test_the_deviation_of_the_function_that_is_shown_follows(answering: Answering, root: float, tip: float) -> None:
+    answering.set([root, tip])
+    which = int(answering.page.value("document.querySelector('.livefrfs .functions select').selectedIndex"))
+    deck = answering.folder / f"deviation_{root}_{tip}.bdf"
+    deck.write_text(with_factors(_DECK, root, tip), encoding="ascii")
+    test = _functions(answering.folder / "truth" / "true.bdf").values
+    wanted = squared_deviation(_functions(deck).values, test, np.isfinite(test)).ravel()[which]
+    found = re.search(r"now ([\d.]+)\.$", answering.page.value("document.querySelector('.deviation').textContent"))
+    assert found
+    assert float(found[1]) == pytest.approx(wanted, rel=0.006)
+    assert wanted > 0.01
 
 
 _ANSWER = re.compile(r": ([\d.e−+]+) m/s²/N(?: at ([\d.]+) Hz)?, ([+−])([\d.]+) dB from that of the update")

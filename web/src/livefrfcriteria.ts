@@ -40,6 +40,18 @@ export function frfMeasures({ freq, outputs, inputs, model, test }: Compared): F
   return { frac: least(frac), fdac: least(fdac), mean_db: greatest(mean), max_db: greatest(largest), resonance: greatest(errors) };
 }
 
+/** δ: mean over the lines of |lg(H/H_test)|², as femtune.validation.frfs.squared_deviation; null where nothing is compared. */
+export function squaredDeviation(model: { real: ArrayLike<number>; imaginary: ArrayLike<number> }, test: { real: ArrayLike<number>; imaginary: ArrayLike<number> }): number | null {
+  let sum = 0, count = 0;
+  for (let l = 0; l < model.real.length; l++) {
+    const [a, b, c, d] = [model.real[l], model.imaginary[l], test.real[l], test.imaginary[l]], own = a * a + b * b, other = c * c + d * d;
+    if (!own || !other) continue;
+    sum += (0.5 * Math.log(own / other)) ** 2 + Math.atan2(b * c - a * d, a * c + b * d) ** 2;
+    count++;
+  }
+  return count ? sum / count / Math.LN10 ** 2 : null;
+}
+
 const least = (values: number[]) => (values.length ? Math.min(...values) : null), greatest = (values: number[]) => (values.length ? Math.max(...values) : null);
 
 /** |Σ a* b|²/(Σ|a|² Σ|b|²) of values of curves at lines. */

@@ -5,6 +5,7 @@ import { unpack } from "./data.ts";
 import { choice, cycles, h, labelled, shown } from "./dom.ts";
 import { FunctionPlot, nearestLine, type Line } from "./functions.ts";
 import type { Chosen } from "./livemodel.ts";
+import { squaredDeviation } from "./livefrfcriteria.ts";
 import type { AskedLevel, LevelExtreme } from "./liveregion.ts";
 import { doubtOfLevel, levelRatio, type DroppedCurve } from "./livetest.ts";
 import { size, written } from "./livetext.ts";
@@ -23,6 +24,7 @@ export class LiveFrfs {
   private curves: LiveCurves | null = null;
   private dropped: ((set: LiveFunctions, k: number) => DroppedCurve | null) | null = null;
   private readonly doubt = h("p", { class: "note", role: "status" });
+  private readonly deviation = h("p", { class: "shown deviation" });
   private readonly questions = h("div", { class: "questions" });
   private readonly told = h("p", { class: "note told", "aria-live": "polite" });
   private readonly hz = h("input", { type: "number", step: "any", min: 0 });
@@ -68,8 +70,8 @@ export class LiveFrfs {
     const reason = c.functions_reason ? [h("p", { class: "note" }, `${c.functions.length ? "Some" : "The"} measured FRFs are not computed again: ${c.functions_reason}.`)] : [];
     if (!c.functions.length) { this.element.replaceChildren(...reason); return; }
     const place = h("div"), which = choice("Functions", c.functions.map((f, i) => `${f.label || "not compared"} ${i + 1}`), (k) => this.show(place, k));
-    this.element.replaceChildren(h("h3", {}, "FRFs now"), ...(c.functions.length > 1 ? [h("div", { class: "controls" }, which.label)] : []), place, this.questions, this.doubt, ...reason);
-    this.told.textContent = "";
+    this.element.replaceChildren(h("h3", {}, "FRFs now"), ...(c.functions.length > 1 ? [h("div", { class: "controls" }, which.label)] : []), place, this.deviation, this.questions, this.doubt, ...reason);
+    this.told.textContent = this.deviation.textContent = "";
     this.show(place, 0);
   }
 
@@ -107,6 +109,7 @@ export class LiveFrfs {
     if (!this.chosen || curves.chosen.set !== this.chosen.set || curves.chosen.k !== this.chosen.k) return;
     this.curves = curves;
     this.plot?.refresh();
+    this.sayDeviation(curves);
     if (!this.hz.value && curves.updated) {
       // the highest line, until the reader chooses another one
       const { real, imaginary } = curves.updated, sizes = Array.from(real, (re, l) => Math.hypot(re, imaginary[l]));
@@ -116,6 +119,14 @@ export class LiveFrfs {
     if (this.doubt.textContent === text) return;
     this.doubt.textContent = text;
     this.doubted(text);
+  }
+
+  /** δ of the function that is shown, at the update and now. */
+  private sayDeviation({ chosen: { set, k }, updated, now }: LiveCurves): void {
+    const data = this.live.configurations[this.at].functions[set], n = unpack(data.freq_hz).length;
+    const test = { real: unpack(data.test_real).subarray(k * n, (k + 1) * n), imaginary: unpack(data.test_imaginary).subarray(k * n, (k + 1) * n) };
+    const [before, after] = [updated, now].map((c) => c && squaredDeviation(c, test));
+    this.deviation.textContent = before === null && after === null ? "" : `Deviation δ of this function, mean over the lines of |lg(H/H_test)|²: updated ${shown(before, 3)}, now ${shown(after, 3)}.`;
   }
 
   /** Draw the functions of a dropped test too, or no more. */

@@ -6,7 +6,7 @@ import { largestPairs } from "../src/eigen.ts";
 import { criterionRows } from "../src/livecriteria.ts";
 import { FunctionSet, interpolated, solveFactored } from "../src/livefunctions.ts";
 import { aligned, assignment, chebyshev, differences, inRegion, LiveModel, macOf, polynomial, subspaceMac, verified } from "../src/livemodel.ts";
-import { frfMeasures, peaks } from "../src/livefrfcriteria.ts";
+import { frfMeasures, peaks, squaredDeviation } from "../src/livefrfcriteria.ts";
 import { orthogonality } from "../src/livemass.ts";
 import { eigenvalueGradient, extreme, levelExtreme, linearOptimum, logWeights, resampled } from "../src/liveregion.ts";
 import { certificateText, partsOf, scaledSquares, size, studyLines, truthText } from "../src/livetext.ts";
@@ -327,6 +327,13 @@ test("orthogonality with the mass at the sensors: of all masses of the chain, an
   const single = orthogonality(model, modes, [1], [pair([9, 1], 0)], seen);
   assert.ok(Math.abs(single.diagonal! - 1) < 1e-12 && single.off_diagonal === null && single.self === null);
   assert.equal(orthogonality(model, modes, [1], [pair([9, 1], 1)], seen).diagonal, null);
+});
+
+test("the deviation of functions: decades and phases, and lines that are not compared", () => {
+  const one = (...v: number[]) => ({ real: v.filter((_, i) => i % 2 === 0), imaginary: v.filter((_, i) => i % 2 === 1) });
+  assert.ok(Math.abs(squaredDeviation(one(10, 0, 0, 20, 5, 5), one(1, 0, 0, 2, 0, 0))! - 1) < 1e-12);
+  assert.ok(Math.abs(squaredDeviation(one(0, 3), one(3, 0))! - (Math.PI / 2 / Math.LN10) ** 2) < 1e-12);
+  assert.equal(squaredDeviation(one(1, 1), one(0, 0)), null);
 });
 
 test("resonances are peaks that stand out, between the lines", () => {
