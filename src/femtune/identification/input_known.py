@@ -237,7 +237,7 @@ def _identified(
     chosen = np.flatnonzero([c.chosen for c in candidates])
     if not len(chosen):
         raise NoModesChosen("identify.no-poles", _moved_table(table, shift), candidates, whole)
-    start, terms = chosen_poles(candidates, table).poles, terms_outside(asked)
+    start, terms = chosen_poles(candidates, table).poles, OUT_OF_BAND
     lines = of_record if of_record is None or asked.band_hz is None else of_record.inside(*band)
     fitted, known = (elastic, errors) if lines is None else (lines.frfs, None)
 
@@ -383,11 +383,6 @@ def _poles(frfs: FrfSet, method: str, order: int, sd: NDArray[np.float64] | None
     if method == "N4SID":
         return n4sid_poles(subspace(frfs, order, sd=sd), range(2, order + 1, 2))
     return plscf_poles(normal_equations(frfs, order // 2, sd), range(2, order // 2 + 1))
-
-
-def terms_outside(asked: InputKnown) -> tuple[str, ...]:
-    """Out-of-band terms: a mass line below the band only if rigid-body motion remains there."""
-    return OUT_OF_BAND if asked.rigid is None else ("upper",)
 
 
 def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: InputKnown) -> SystemFit:
