@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.identification import EqualisedTest, InputKnown, equalised_test, identify_frfs
 from femtune.identification.guided import with_mode_near
 from femtune.identification.join import join_ranges
@@ -84,7 +84,8 @@ def test_a_window_that_was_stronger_than_the_decay_is_told() -> None:
     # the slowest decay of all: that of the mode at 8 Hz
     slowest = 1.0 / (1.0 / TAU + 2.0 * np.pi * 8.0 * 0.01)
     assert notice.facts["least"] == pytest.approx(slowest, rel=1e-2)
-    check_shown("identify.window-too-strong", type(notice)(notice.code, **{**notice.facts, "least": 0.333}))
+    shown = {**notice.facts, "least": 0.333, "names": "8.07 Hz, 13 Hz, 21 Hz, 33 Hz"}
+    check_shown("identify.window-too-strong", Notice(notice.code, **shown))
     right = identify_frfs(windowed("accelerance", 1e-3), replace(ORDER, exponential_s=TAU))
     assert "identify.window-too-strong" not in {n.code for n in right.notices}
 
@@ -117,6 +118,19 @@ def test_rigid_body_motion_of_a_model(kind: str, decay: float) -> None:
     np.testing.assert_allclose(test.frfs.values, exact, atol=1e-5 * np.abs(exact).max())
     np.testing.assert_allclose(test.redrawn.equalised, test.frfs.values, rtol=1e-7, atol=1e-9 * np.abs(exact).max())
     np.testing.assert_allclose(test.redrawn.functions_at(LINES), whole.values, atol=1e-5 * np.abs(whole.values).max())
+
+
+@pytest.mark.slow
+@kinds
+def test_the_mass_line_of_a_free_structure_has_the_window_too(kind: str) -> None:
+    """L/(iω + σ)², which a model without rigid-body modes leaves in the functions."""
+    shapes = 0.1 * np.column_stack([np.full(6, 0.5), np.linspace(-1.0, 1.0, 6)])
+    rigid = ModeSet(np.zeros(2), shapes, known().dofs, normalisation="mass")
+    elastic = known().frfs(LINES, kind=kind, decay=1.0 / TAU)
+    whole = replace(elastic, values=elastic.values + rigid_body_motion(rigid, elastic, LINES, 1.0 / TAU))
+    found = identify_frfs(whole, replace(ORDER, exponential_s=TAU)).modes
+    np.testing.assert_allclose(found.freq_hz, known().freq_hz, rtol=1e-6)
+    np.testing.assert_allclose(found.damping_ratio, known().damping_ratio, rtol=1e-4)
 
 
 @pytest.mark.slow

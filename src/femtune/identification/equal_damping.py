@@ -11,7 +11,7 @@ from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs
 from femtune.identification.join import complete_lines, in_band
-from femtune.identification.modal_solve import OUT_OF_BAND
+from femtune.identification.modal_solve import outside_terms
 from femtune.identification.redrawn import RedrawnTest
 from femtune.identification.rigid_body import with_rigid_body
 from femtune.identification.window import fit_with_window
@@ -158,6 +158,6 @@ def _redrawn(identified: IdentifiedModes, again: _Again, lines: Reals, band: Ban
     # of one layout in memory, so that a copy in another process gives the same numbers to the last bit
     measured = replace(identified.measured, values=np.ascontiguousarray(identified.measured.values))
     return RedrawnTest(
-        measured, fit, fit_with_window(identified.system_fit, asked.decay), OUT_OF_BAND, moved,
+        measured, fit, fit_with_window(identified.system_fit, asked.decay), outside_terms(asked.decay), moved,
         again.damping_ratio, lines, again, roving=identified.roving, decay=asked.decay, rigid=asked.rigid,
     )  # fmt: skip

@@ -31,7 +31,7 @@ from femtune.identification.join import FitQuality, complete_lines, fit_quality,
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.late_channels import late_notices
 from femtune.identification.modal_fit import ModalFit, fit_modes
-from femtune.identification.modal_solve import OUT_OF_BAND, modal_basis
+from femtune.identification.modal_solve import OutsideTerms, modal_basis, outside_terms
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
 from femtune.identification.near_band import fit_with_neighbours
@@ -237,7 +237,7 @@ def _identified(
     chosen = np.flatnonzero([c.chosen for c in candidates])
     if not len(chosen):
         raise NoModesChosen("identify.no-poles", _moved_table(table, shift), candidates, whole)
-    start, terms = chosen_poles(candidates, table).poles, OUT_OF_BAND
+    start, terms = chosen_poles(candidates, table).poles, outside_terms(shift)
     lines = of_record if of_record is None or asked.band_hz is None else of_record.inside(*band)
     fitted, known = (elastic, errors) if lines is None else (lines.frfs, None)
 
@@ -313,7 +313,7 @@ def _candidates(
     return table, candidates
 
 
-def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
+def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: OutsideTerms) -> ModalFit:
     """The fit to all lines of a record, shown beside its functions.
 
     Means over lines would blur sharp peaks, and a response that the end of the record cuts off has other functions.
