@@ -71,7 +71,7 @@ export class LivePanel {
   private readonly host = h("div", { class: "liveshape" });
   private readonly worker: Worker;
   private readonly off: Set<number>[];
-  private readonly totalMass = h("p", { class: "shown totalmass" });
+  private readonly totalMass = h("p", { class: "note totalmass" });
   private readonly noMasses = h("p", { class: "note nomasses" });
   private readonly masses = h("details", {}, h("summary", {}, "A mass at a sensor"));
   private point = 0;
