@@ -61,7 +61,7 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
     _check_coordinates(file, structure)
     with errors_at(place_of(file, entry, "test")), with_keys(file, entry, test, structure):
         all_sensors = sensor_map(file, test, structure)
-    functions, worst = _held_functions(file, entry, test.frfs)
+    functions, worst = _held_functions(file, entry, test)
     held = HeldOut(functions=functions)
     case = replace(case, test=test, sensors=all_sensors, all_sensors=all_sensors, held=held)
     notices = (*notices, *all_sensors.notices, *worst, *_of_frfs(file, entry, test.frfs))
@@ -135,7 +135,7 @@ def _of_frfs(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None) ->
 
 
 def _held_functions(
-    file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None
+    file: StudyFile, entry: ConfigurationEntry, test: ModalTest
 ) -> tuple[frozenset[tuple[int, int]], tuple[Notice, ...]]:
     """FRFs of outputs or inputs that a table names (between them, where it names both), and of the worst outputs."""
     mine = [
@@ -145,6 +145,7 @@ def _held_functions(
         and one.configuration in (None, entry.name)
         and (one.outputs or one.inputs or one.worst is not None)
     ]
+    frfs = test.frfs
     if frfs is None:
         for i, one in mine:
             if one.configuration is not None or len(file.configurations) == 1:
@@ -154,7 +155,7 @@ def _held_functions(
     notices: list[Notice] = []
     for i, one in mine:
         if one.worst is not None:
-            held, notice = _worst(file, i, one, entry, frfs)
+            held, notice = _worst(file, i, one, entry, test, frfs)
             notices.append(notice)
             functions |= held
             continue
@@ -169,22 +170,19 @@ def _held_functions(
 
 
 def _worst(
-    file: StudyFile, i: int, one: HoldOutEntry, entry: ConfigurationEntry, frfs: FrfSet
+    file: StudyFile, i: int, one: HoldOutEntry, entry: ConfigurationEntry, test: ModalTest, frfs: FrfSet
 ) -> tuple[set[tuple[int, int]], Notice]:
     """Positions of the FRFs of the worst outputs, or inputs, and the notice of the choice (errors
     ``study.hold-out``)."""
-    from femtune.identification import InputKnown  # noqa: PLC0415  few studies ask for it
-    from femtune.identification.channel_quality import quality  # noqa: PLC0415
+    from femtune.identification.channel_quality import quality  # noqa: PLC0415  few studies ask for it
+    from femtune.study.identified_test import identification_of  # noqa: PLC0415
 
     if one.by == "coherence" and frfs.coherence is None:
         raise FemtuneError(
             "study.hold-out/no-coherence", where=file.where("hold_out", i, "by"), configuration=entry.name
         )
-    table, asked = file.equalise, None
-    if table is not None:
-        asked = InputKnown(table.band_hz, table.largest_order, take=table.take_hz, drop=table.drop_hz)
     with errors_at(file.where("hold_out", i, "by")):
-        ranking = quality(frfs, one.by, asked)
+        ranking = quality(frfs, one.by, identification_of(file, test))
     channels = "inputs" if ranking.of_inputs else "outputs"
     assert one.worst is not None
     if one.worst >= len(ranking.order):
@@ -298,6 +296,10 @@ def _read_test(
         unplaced = scaled_coordinates(_with_deviations(file, entry, unplaced), entry.coordinate_factor)
         test = place(unplaced, entry.rotation, entry.origin, allow_mirrored=entry.left_handed)
         notices = (*unplaced.notices, *check_test(test))
+    if test.frfs is not None:
+        from femtune.study.identified_test import window_of_test  # noqa: PLC0415  few tests have functions
+
+        test = replace(test, exponential_s=window_of_test(file, entry.name, test))
     if test.modes is None:
         return test, notices
     modes = real_modes(test.modes).modes

@@ -165,6 +165,9 @@ def _of_residuals(study: Study, residuals: list[FrfResidual], point: ModelPoint)
         if residual.left_out is not None:
             yield "modes are left out of them"
             continue
+        if residual.way.decay:
+            yield "they have an exponential window"
+            continue
         compared, of = np.isfinite(residual.sd), residual.measured
         damping = _of_modes(point, residual.way.damping, residual.highest_hz)
         if damping is None:
@@ -187,6 +190,9 @@ def _of_test(study: Study, case: StudyCase, state: CaseState, point: ModelPoint)
         table = table.model_copy(update={"ratio": stated.ratio, "ratios": stated.ratios})
     request = response_request(study, case, table)
     measured = request.measured
+    if case.test is not None and case.test.exponential_s is not None:
+        yield "they have an exponential window"
+        return
     if measured is None:
         yield "none of the measured FRFs has a place in the model"
         return
