@@ -24,7 +24,7 @@ export class LiveFrfs {
   private curves: LiveCurves | null = null;
   private dropped: ((set: LiveFunctions, k: number) => DroppedCurve | null) | null = null;
   private readonly doubt = h("p", { class: "note", role: "status" });
-  private readonly deviation = h("p", { class: "shown deviation" });
+  private readonly deviation = h("p", { class: "note deviation" });
   private readonly questions = h("div", { class: "questions" });
   private readonly told = h("p", { class: "note told", "aria-live": "polite" });
   private readonly hz = h("input", { type: "number", step: "any", min: 0 });
