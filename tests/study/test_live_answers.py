@@ -73,6 +73,7 @@ frf_mean_db = 3.0
 frf_max_db = 12.0
 resonance_error = 0.05
 """
+_HELD = "3Y+"
 _POINTS = ((1.3, 0.85), (1.6, 0.7), (0.8, 1.4), (2.0, 0.5))
 
 
@@ -124,6 +125,46 @@ def _wanted(found: Answering, root: float, tip: float) -> dict[str, Any]:
     of_frfs = [one for one in asked if one.quantity in (FRAC, FDAC, MEAN_LEVEL, MAX_LEVEL, RESONANCE)]
     verdicts = [*assess(c, [one for one in asked if one not in of_frfs]), *assess_frfs(predicted, of_frfs)]
     return {v.criterion.quantity: v for v in verdicts}
+
+
+@pytest.fixture(scope="module")
+def held(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Answering]:
+    """An update by FRFs, of which one output is held out."""
+    bench = Bench(tmp_path_factory.mktemp("held"))
+    bench.write("beam.bdf", _DECK)
+    truth = bench.truth(text=_DECK)
+    frame = bench.measure(truth).geometry
+    write_uff_frfs(bench.folder / "frfs.uff", ModalTest("frfs", SI, frame, frfs=_functions(truth)))
+    limits = _STUDY[_STUDY.index("[validate]") :]
+    text = (
+        limits.replace("fdac = 0.7\n", "")
+        + f'[[hold_out]]\noutputs = ["{_HELD}"]\n[[residual]]\nkind = "frf"\nsd = 0.05\n'
+    )
+    parameters = _STUDY[: _STUDY.index("[residuals]")]
+    run = ft.run(bench.study(parameters + text, test="frfs.uff"), output=bench.folder / "run")
+    with answering_page(run, bench.folder) as found:
+        yield found
+
+
+@pytest.mark.parametrize(("root", "tip"), _POINTS[1:3])
+def test_criteria_of_functions_that_were_held_out_follow_too(held: Answering, root: float, tip: float) -> None:
+    live = held.run.results.live
+    assert live is not None
+    assert [f.label for f in live.configurations[0].functions] == ["frf", ""]
+    held.set([root, tip])
+    rows = held.rows("Criteria now")
+    deck = held.folder / f"held_{root}_{tip}.bdf"
+    deck.write_text(with_factors(_DECK, root, tip), encoding="ascii")
+    model, test = (_functions(d).values for d in (deck, held.folder / "truth" / "true.bdf"))
+    k = _OUTPUTS.index(_HELD)
+    predicted = PredictedFrfs([_HELD], _INPUTS, LINES, model[[k]], test[[k]])
+    asked = [c for c in profile("own", _LIMITS).criteria if c.quantity in (FRAC, MEAN_LEVEL, MAX_LEVEL, RESONANCE)]
+    for v in assess_frfs(predicted, asked):
+        _, _, now, verdict = rows[f"{v.criterion.quantity}, own criterion, unused FRFs"]
+        assert verdict == v.outcome.value, v.sentence
+        if np.isfinite(v.measured):
+            scale = 100.0 if v.criterion.percent else 1.0
+            assert float(now.split()[0]) == pytest.approx(_text(scale * v.measured), rel=0.01, abs=2e-3), v.sentence
 
 
 def test_words_of_the_page_are_those_of_the_criteria() -> None:
