@@ -5,18 +5,15 @@ All of it is held against decks of their own, and against a search over the regi
 
 from __future__ import annotations
 
-import json
 import re
-import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from tests.deck_models import model_of, structure_of
-from tests.reporting.devtools import CHROMIUM, OpenPage, opened
+from tests.reporting.devtools import CHROMIUM
 
 import femtune as ft
 from femtune.correlation import NotTested, correlate, reduce_mass
@@ -25,11 +22,8 @@ from femtune.modal import FrfSet, ModeSet
 from femtune.model import solve_modes
 from femtune.model.live import LivePorts
 from femtune.model.response import frf, make_ports
-from femtune.reporting.html import write_html
 from femtune.steps.live.page import LIVE_QUANTITIES
 from femtune.steps.live.stored import stored_functions, stored_model
-from femtune.steps.report.build import build_report
-from femtune.steps.run.result import RunResult
 from femtune.testdata import ModalTest
 from femtune.units import SI
 from femtune.validation import assess, profile
@@ -47,7 +41,8 @@ from femtune.validation.criteria import (
 )
 from femtune.validation.frfs import PredictedFrfs, assess_frfs, squared_deviation
 
-from .cantilever import CANTILEVER, Bench, bounded, with_factors
+from .answering import Answering, answering_page
+from .cantilever import CANTILEVER, Bench, bounded, measured, with_factors
 from .damped_cantilever import LINES
 
 pytestmark = [
@@ -78,6 +73,7 @@ frf_mean_db = 3.0
 frf_max_db = 12.0
 resonance_error = 0.05
 """
+_HELD = "3Y+"
 _POINTS = ((1.3, 0.85), (1.6, 0.7), (0.8, 1.4), (2.0, 0.5))
 
 
@@ -85,44 +81,6 @@ def _functions(deck: Path) -> FrfSet:
     """FRFs of a deck by all of its modes, past everything that a study does."""
     model = model_of(deck)
     return frf(solve_modes(model.at(np.zeros(0)), 24), make_ports(model, _INPUTS, _OUTPUTS), LINES, "accelerance")
-
-
-@dataclass
-class Answering:
-    """A run, its test, and its report in a browser."""
-
-    folder: Path
-    run: RunResult
-    test: ModalTest
-    page: OpenPage
-
-    def ask(self, act: str) -> None:
-        """Run statements in the page, and wait for the answer to them."""
-        before = self.page.value("document.querySelector('.livemodel')?.dataset.solved")
-        self.page.value(f"(() => {{ {act} }})()")
-        for _ in range(200):
-            if self.page.value("document.querySelector('.livemodel')?.dataset.solved") != before:
-                return
-            time.sleep(0.1)
-        pytest.fail("the page does not answer")
-
-    def set(self, values: Sequence[float]) -> None:
-        """Enter values of the parameters."""
-        numbers = "[...document.querySelectorAll('.livemodel .slider input[type=number]')]"
-        self.ask(
-            f"{numbers}.forEach((e, i) => {{ e.value = {json.dumps(list(values))}[i]; "
-            "e.dispatchEvent(new Event('change')); });"
-        )
-        # the second value may have waited for the answer to the first
-        time.sleep(0.25)
-
-    def criteria(self) -> dict[str, list[str]]:
-        """Rows of the table of criteria by name."""
-        rows = self.page.value(
-            "[...document.querySelectorAll('[aria-label=\"Criteria now\"] tbody tr')]"
-            ".map((r) => [...r.cells].map((c) => c.textContent))"
-        )
-        return {r[0]: r[1:] for r in rows}
 
 
 @pytest.fixture(scope="module")
@@ -134,14 +92,15 @@ def answering(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Answering]:
     write_uff_frfs(bench.folder / "frfs.uff", ModalTest("frfs", SI, test.geometry, frfs=_functions(truth)))
     bench.write("both.uff", bench.uff(test).read_text() + (bench.folder / "frfs.uff").read_text())
     run = ft.run(bench.study(_STUDY, test="both.uff"), output=bench.folder / "run")
-    report = write_html(build_report(run.results, run.arrays), bench.folder / "report.html")
-    with opened(report, bench.folder / "profile") as page:
-        found = Answering(bench.folder, run, test, page)
-        for _ in range(200):
-            if page.value("document.querySelector('.livemodel')?.dataset.solved"):
-                break
-            time.sleep(0.1)
+    with answering_page(run, bench.folder) as found:
         yield found
+
+
+def _modes(found: Answering) -> ModeSet:
+    """The modes of the test."""
+    modes = measured(found.folder / "truth" / "true.bdf").modes
+    assert modes is not None
+    return modes
 
 
 def _text(value: float) -> float:
@@ -152,8 +111,7 @@ def _wanted(found: Answering, root: float, tip: float) -> dict[str, Any]:
     """Verdicts by quantity of a deck with these values, past everything that the live model does."""
     deck = found.folder / f"point_{root}_{tip}.bdf"
     deck.write_text(with_factors(_DECK, root, tip), encoding="ascii")
-    structure, configured, modes = structure_of(deck), model_of(deck), found.test.modes
-    assert modes is not None
+    structure, configured, modes = structure_of(deck), model_of(deck), _modes(found)
     point = configured.at(np.zeros(0))
     solution = solve_modes(point, 6)
     rows = configured.transformation[[structure.nodes.dof(d.node, d.component) for d in modes.dofs]]
@@ -169,6 +127,46 @@ def _wanted(found: Answering, root: float, tip: float) -> dict[str, Any]:
     return {v.criterion.quantity: v for v in verdicts}
 
 
+@pytest.fixture(scope="module")
+def held(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Answering]:
+    """An update by FRFs, of which one output is held out."""
+    bench = Bench(tmp_path_factory.mktemp("held"))
+    bench.write("beam.bdf", _DECK)
+    truth = bench.truth(text=_DECK)
+    frame = bench.measure(truth).geometry
+    write_uff_frfs(bench.folder / "frfs.uff", ModalTest("frfs", SI, frame, frfs=_functions(truth)))
+    limits = _STUDY[_STUDY.index("[validate]") :]
+    text = (
+        limits.replace("fdac = 0.7\n", "")
+        + f'[[hold_out]]\noutputs = ["{_HELD}"]\n[[residual]]\nkind = "frf"\nsd = 0.05\n'
+    )
+    parameters = _STUDY[: _STUDY.index("[residuals]")]
+    run = ft.run(bench.study(parameters + text, test="frfs.uff"), output=bench.folder / "run")
+    with answering_page(run, bench.folder) as found:
+        yield found
+
+
+@pytest.mark.parametrize(("root", "tip"), _POINTS[1:3])
+def test_criteria_of_functions_that_were_held_out_follow_too(held: Answering, root: float, tip: float) -> None:
+    live = held.run.results.live
+    assert live is not None
+    assert [f.label for f in live.configurations[0].functions] == ["frf", ""]
+    held.set([root, tip])
+    rows = held.rows("Criteria now")
+    deck = held.folder / f"held_{root}_{tip}.bdf"
+    deck.write_text(with_factors(_DECK, root, tip), encoding="ascii")
+    model, test = (_functions(d).values for d in (deck, held.folder / "truth" / "true.bdf"))
+    k = _OUTPUTS.index(_HELD)
+    predicted = PredictedFrfs([_HELD], _INPUTS, LINES, model[[k]], test[[k]])
+    asked = [c for c in profile("own", _LIMITS).criteria if c.quantity in (FRAC, MEAN_LEVEL, MAX_LEVEL, RESONANCE)]
+    for v in assess_frfs(predicted, asked):
+        _, _, now, verdict = rows[f"{v.criterion.quantity}, own criterion, unused FRFs"]
+        assert verdict == v.outcome.value, v.sentence
+        if np.isfinite(v.measured):
+            scale = 100.0 if v.criterion.percent else 1.0
+            assert float(now.split()[0]) == pytest.approx(_text(scale * v.measured), rel=0.01, abs=2e-3), v.sentence
+
+
 def test_words_of_the_page_are_those_of_the_criteria() -> None:
     assert set(LIVE_QUANTITIES) == {*_LIMITS, SELF}
 
@@ -176,7 +174,7 @@ def test_words_of_the_page_are_those_of_the_criteria() -> None:
 @pytest.mark.parametrize(("root", "tip"), _POINTS)
 def test_criteria_follow_the_sliders_as_decks_do(answering: Answering, root: float, tip: float) -> None:
     answering.set([root, tip])
-    rows, wanted = answering.criteria(), _wanted(answering, root, tip)
+    rows, wanted = answering.rows("Criteria now"), _wanted(answering, root, tip)
     assert len(rows) == len(wanted) == len(_LIMITS)
     for quantity, v in wanted.items():
         (name,) = (n for n in rows if n.startswith(f"{quantity}, own criterion"))
@@ -209,7 +207,7 @@ def test_the_deviation_of_the_function_that_is_shown_follows(answering: Answerin
     deck.write_text(with_factors(_DECK, root, tip), encoding="ascii")
     test = _functions(answering.folder / "truth" / "true.bdf").values
     wanted = squared_deviation(_functions(deck).values, test, np.isfinite(test)).ravel()[which]
-    found = re.search(r"now ([\d.]+)\.$", answering.page.value("document.querySelector('.deviation').textContent"))
+    found = re.search(r"now ([\d.]+)\.$", answering.text(".deviation"))
     assert found
     assert float(found[1]) == pytest.approx(wanted, rel=0.006)
     assert wanted > 0.01
@@ -228,7 +226,7 @@ def _asked(found: Answering, button: str, which: int, hz: float | None) -> tuple
         found.page.value(f"void (document.querySelector('.questions input').value = '{hz}')")
     buttons = "[...document.querySelectorAll('.questions button')]"
     found.ask(f"{buttons}.find((b) => b.textContent.startsWith('{button}')).click();")
-    text = found.page.value("document.querySelector('.questions .told').textContent")
+    text = found.text(".questions .told")
     answer = _ANSWER.search(text)
     assert answer, text
     return float(answer[1].replace("−", "-")), None if answer[2] is None else float(answer[2])
@@ -274,7 +272,7 @@ def test_worst_level_at_a_line_is_that_of_a_search_over_the_region(answering: An
     assert 0.99 * high < found < 1.03 * high
     found, _ = _asked(answering, "Lowest level", which, hz)
     assert 0.97 * low < found < 1.01 * low
-    where = answering.page.value("document.querySelector('.answers > .shown').textContent")
+    where = answering.text(".answers > .shown")
     assert where.startswith("Within the 95 % region"), where
 
 

@@ -221,7 +221,7 @@ for (const path of pages) {
   test(`${named(path)}: targets of 44 px, two fingers that zoom, swipes that scroll`, async () => {
     await telephone(path, async ({ page, touch }) => {
       await page.waitForTimeout(1500);
-      const small = await page.evaluate(() => Array.from(document.querySelectorAll("button, select, summary, nav a")).filter((e) => e.checkVisibility?.() ?? e.offsetParent).map((e) => [e.getBoundingClientRect(), e])
+      const small = await page.evaluate(() => Array.from(document.querySelectorAll("button, select, summary, nav a, input[type=number], input[type=text]")).filter((e) => e.checkVisibility?.() ?? e.offsetParent).map((e) => [e.getBoundingClientRect(), e])
         .filter(([r]) => r.width > 0 && (r.width < 43.5 || r.height < 43.5)).map(([r, e]) => `${e.outerHTML.slice(0, 90)} ${r.width}×${r.height}`));
       assert.deepEqual(small.slice(0, 5), []);
       assert.equal(await page.evaluate(() => document.documentElement.scrollWidth - innerWidth), 0);

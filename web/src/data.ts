@@ -54,7 +54,7 @@ export interface LiveConfiguration {
   configuration: string; order: number; count: number; shift: number; theta: number[]; terms: LiveTerm[]; triangles: Packed; sensors: Packed;
   test_labels: string[]; test_freq_hz: number[]; test_shapes: Packed; sensor_labels: string[]; mass_points: string[]; mass_reason: string; mass_rows: Packed | null; pairs: [number, number, number[]][]; parts: LivePart[];
   region: LiveCertificate[]; bounds: LiveCertificate[]; checks: { x: number[]; eigenvalues: number[]; chi_square: number; functions: number[] }[];
-  functions: LiveFunctions[]; functions_reason: string; criteria: LiveCriterion[]; mass_sensors: number[];
+  functions: LiveFunctions[]; functions_reason: string; criteria: LiveCriterion[]; mass: { updated: number; slopes: number[]; weighed: [number, number][] } | null; mass_sensors: number[];
 }
 export interface Live {
   parameters: LiveParameter[]; narrowed: boolean; rejected: boolean; mass_unit: string; x: number[]; region: LiveRegion | null; draws: LiveDraws | null; configurations: LiveConfiguration[]; others: { kind: string; chi_square: number }[];

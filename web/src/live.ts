@@ -71,6 +71,7 @@ export class LivePanel {
   private readonly host = h("div", { class: "liveshape" });
   private readonly worker: Worker;
   private readonly off: Set<number>[];
+  private readonly totalMass = h("p", { class: "note totalmass" });
   private readonly noMasses = h("p", { class: "note nomasses" });
   private readonly masses = h("details", {}, h("summary", {}, "A mass at a sensor"));
   private point = 0;
@@ -142,7 +143,7 @@ export class LivePanel {
         h("fieldset", { class: "sliders" }, h("legend", {}, "Parameters"), legend, ...this.sliders.map((s) => s.element),
           h("p", { class: "tools" }, button("Back to the update", () => { this.stop(); this.setAll((p) => p.updated); }), this.live.parameters.every((p) => p.lower <= p.nominal && p.nominal <= p.upper) ? button("Initial values", () => { this.stop(); this.setAll((p) => p.nominal); }) : null)),
         h("div", { class: "answers" }, this.where, this.truth, this.certificate, h("div", { class: "controls" }, this.configuration.label),
-          table("Frequencies and MAC now", [this.live.configurations.some((c) => c.test_labels.length) ? "Test mode" : "Mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
+          table("Frequencies and MAC now", [this.live.configurations.some((c) => c.test_labels.length) ? "Test mode" : "Mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes), this.totalMass,
           table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.criteriaTable, this.host)),
       this.frfs.element, this.asks, this.masses, this.noMasses, this.sensors, this.dropped.element, lines);
     this.criteriaTable.append(table("Criteria now", ["Criterion", "Limit", "Updated", "Now", "Verdict"], this.criteria),
@@ -393,7 +394,16 @@ export class LivePanel {
     this.fillCriteria();
   }
 
+  private fillMass(): void {
+    const { mass } = this.live.configurations[this.at], now = this.solved[this.at]?.totalMass, of = (value: number | undefined) => `${shown(value, 5)} ${this.live.mass_unit}`.trimEnd();
+    this.totalMass.hidden = !mass;
+    if (!mass) return;
+    const weighed = mass.weighed.map(([m, sd]) => `; weighed ${of(m)}, ${signed((100 * ((now ?? NaN) - m)) / m)} % (standard deviation ${shown((100 * sd) / m, 3)} %)`);
+    this.totalMass.textContent = `Mass of the model: now ${of(now)}, updated ${of(mass.updated)}${weighed.join("")}.`;
+  }
+
   private fillCriteria(): void {
+    this.fillMass();
     const c = this.live.configurations[this.at], rows = criterionRows(c, this.first[this.at], this.mass ? null : this.solved[this.at]);
     const kept = rows.filter((r) => !r.live).length;
     this.criteriaTable.hidden = kept === rows.length;

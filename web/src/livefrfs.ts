@@ -24,7 +24,7 @@ export class LiveFrfs {
   private curves: LiveCurves | null = null;
   private dropped: ((set: LiveFunctions, k: number) => DroppedCurve | null) | null = null;
   private readonly doubt = h("p", { class: "note", role: "status" });
-  private readonly deviation = h("p", { class: "shown deviation" });
+  private readonly deviation = h("p", { class: "note deviation" });
   private readonly questions = h("div", { class: "questions" });
   private readonly told = h("p", { class: "note told", "aria-live": "polite" });
   private readonly hz = h("input", { type: "number", step: "any", min: 0 });
@@ -57,7 +57,7 @@ export class LiveFrfs {
     const where = this.live.region ? "the 95 % region of the update (linearised)" : this.reach, db = 20 * Math.log10(found.value / updated), unit = /, (.*)$/.exec(data.ordinate)?.[1] ?? "";
     const what = line === null ? `Highest peak of ${name}` : `${sign < 0 ? "Lowest" : "Highest"} level of ${name} at ${cycles(found.hz)} Hz`;
     this.told.textContent = `${what} in ${where}${mass}: ${`${shown(found.value)} ${unit}`.trim()}${line === null ? ` at ${cycles(found.hz)} Hz` : ""}, ${db < 0 ? "−" : "+"}${Math.abs(db).toFixed(1)} dB from that of the update. `
-      + `Found by steps from the update and from the best of ${found.tried} models, over the lines of the test; the sliders stand at these values.`;
+      + `Found by steps from the update and from the best of ${found.tried} models, over the lines of the test${found.cut ? ", and stopped after 20 s" : ""}; the sliders stand at these values.`;
   }
 
 

@@ -18,7 +18,7 @@ export interface Modes { eigenvalues: Float64Array; freq_hz: Float64Array; shape
 export interface AddedMass { point: number; mass: number }
 /** A test mode and the position of its partner at the point, −1 without one; MAC of the chosen sensors, and of all. */
 export interface LivePair { test: number; column: number; mac: number | null; whole: number | null }
-export interface Solved { freq_hz: Float64Array; pairs: LivePair[]; mac: Float64Array; squares: Record<string, number>; common: [number, number]; chiSquare: number; measures?: Record<string, number | null> }
+export interface Solved { freq_hz: Float64Array; pairs: LivePair[]; mac: Float64Array; squares: Record<string, number>; common: [number, number]; chiSquare: number; measures?: Record<string, number | null>; totalMass?: number }
 /** One of the functions of a configuration: which set, and which of its functions. */
 export interface Chosen { set: number; k: number }
 
@@ -194,6 +194,14 @@ export class LiveModel {
       if (chosen?.set === i) curve = set.curve(this, point, chosen.k);
     });
     return { squares, curve };
+  }
+
+  /** The mass of the model, and the χ² of what was weighed; null where the mass is not followed. */
+  massAt(x: ArrayLike<number>): { total: number; squares: Record<string, number> } | null {
+    const { mass, terms } = this.data;
+    if (!mass) return null;
+    const total = terms.filter((t) => t.kind === "mass").reduce((sum, term, k) => sum + mass.slopes[k] * polynomial(term, x, this.lower, this.upper), mass.updated);
+    return { total, squares: mass.weighed.length ? { mass: mass.weighed.reduce((sum, [weighed, sd]) => sum + ((total - weighed) / sd) ** 2, 0) } : {} };
   }
 
   /** Values of the criteria other than those of single pairs, as far as the page computes them. */

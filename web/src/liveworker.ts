@@ -51,6 +51,8 @@ function solve({ id, x, configurations, shape, off, added, functions }: Solve): 
     if (all && solved) {
       const { squares, curve } = model.functionsAt(all, chosen);
       Object.assign(solved.squares, squares);
+      const mass = model.massAt(x);
+      if (mass) { Object.assign(solved.squares, mass.squares); solved.totalMass = mass.total; }
       if (criteria) solved.measures = model.measures(all);
       if (chosen) curves = { chosen, updated: curveAtUpdate(k, chosen), now: curve };
     }
@@ -93,7 +95,7 @@ function answer(message: Answer, transfer: Transferable[] = []): void { (self as
 function trueSquares(x: number[], factors: Record<string, number>): number | null {
   const all = models.map((model) => {
     const found = modesFor(model, x, null, false), solved = found && model.solve(model.lowest(found));
-    if (found && solved) Object.assign(solved.squares, model.functionsAt(found, null).squares);
+    if (found && solved) Object.assign(solved.squares, model.functionsAt(found, null).squares, model.massAt(x)?.squares);
     return solved;
   });
   return all.every((s) => s !== null) ? scaledSquares(partsOf(all as Solved[]), factors) : null;

@@ -199,7 +199,7 @@ function chain(check: number): LiveModel {
     mass_rows: packed(Float64Array.of(basis[0][0], basis[1][0], 0, 0, 0, 0), [1, 3, 2]), test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0, [0]]],
     parts: [{ kind: "frequency", quantity: "frequency", form: "eigenvalue", test: 0, sd: 0.5, sensors: [], weights: null, common: 0 }],
     region: [], bounds: [],
-    checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0, functions: [] }], functions: [], functions_reason: "", criteria: [], mass_sensors: [],
+    checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0, functions: [] }], functions: [], functions_reason: "", criteria: [], mass: null, mass_sensors: [],
   };
   return new LiveModel(data, [-1], [1]);
 }

@@ -447,6 +447,15 @@ class LiveCriterionView:
 
 
 @dataclass(frozen=True)
+class LiveMassView:
+    """The mass of a configuration; see `LiveMass` of the results. `weighed` has masses with standard deviations."""
+
+    updated: float
+    slopes: tuple[float, ...]
+    weighed: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
 class LiveConfigurationView:
     """The live model of one configuration; see `LiveConfiguration` of the results."""
 
@@ -475,6 +484,7 @@ class LiveConfigurationView:
     functions: tuple[LiveFunctionsView, ...] = ()
     functions_reason: str = ""
     criteria: tuple[LiveCriterionView, ...] = ()
+    mass: LiveMassView | None = None
     mass_sensors: tuple[int, ...] = ()
     """Positions of the sensors to which the page reduces the mass; empty where it does not."""
 

@@ -14,6 +14,7 @@ from femtune.model.live.matrices import solved
 from femtune.steps.live.certificate import CertifiedLive, elastic_groups
 from femtune.steps.live.comparisons import MOST_PERCENT, certificates, too_inaccurate
 from femtune.steps.live.drawing import drawing, mass_rows, no_masses
+from femtune.steps.live.mass import page_mass
 from femtune.steps.live.record import (
     LiveCheck,
     LiveConfiguration,
@@ -116,6 +117,7 @@ class LiveOfCase:
             region=region, bounds=bounds, region_full=region_full, bounds_full=bounds_full, checks=checks,
             drawing_key=drawn.get("drawing"), drawing_weights_key=drawn.get("drawing_weights"),
             mass_rows_key=drawn.get("mass_rows"),
+            mass=page_mass(state, model, self.points, result.after),
             reduced_mass=page_reduced_mass(state, model, sensors, self.points) if self.with_mass else None,
             functions=compared, functions_reason=why_not,
         )  # fmt: skip

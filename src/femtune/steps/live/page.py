@@ -15,6 +15,7 @@ from femtune.document.page_view import (
     LiveCriterionView,
     LiveDrawsView,
     LiveFunctionsView,
+    LiveMassView,
     LiveOtherView,
     LiveParameterView,
     LivePartView,
@@ -224,6 +225,9 @@ def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurat
         functions=tuple(_functions(source, f) for f in c.functions),
         functions_reason=c.functions_reason,
         criteria=tuple(_criteria(source, c)),
+        mass=None if c.mass is None else LiveMassView(
+            c.mass.updated, c.mass.slopes, tuple((w.mass, w.sd) for w in c.mass.weighed)
+        ),
         mass_sensors=() if c.reduced_mass is None else c.reduced_mass.sensors,
     )  # fmt: skip
 

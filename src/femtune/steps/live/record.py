@@ -242,6 +242,26 @@ class LiveCertificate(Record):
     in % of that of the other model, which counts at least as 1; None where the page computes none."""
 
 
+class LiveWeighed(Record):
+    """A mass that was weighed."""
+
+    mass: float
+    """The measured mass, in the unit of mass."""
+    sd: float
+    """Its standard deviation, in the unit of mass."""
+
+
+class LiveMass(Record):
+    """The mass of a configuration as a function of the parameters."""
+
+    updated: float
+    """At the updated point, in the unit of mass."""
+    slopes: tuple[float, ...]
+    """Change of the mass by the value of the polynomial of each mass matrix in `terms`, in their order."""
+    weighed: tuple[LiveWeighed, ...] = ()
+    """Masses that the update compares, if the page computes their part of χ²."""
+
+
 class LiveReducedMass(Record):
     """Mass reduced to the sensors by the page, with which it computes criteria of orthogonality."""
 
@@ -315,6 +335,8 @@ class LiveConfiguration(Record):
     """The same within the ranges of the parameters."""
     checks: tuple[LiveCheck, ...]
     """Points that the page checks."""
+    mass: LiveMass | None = None
+    """The mass; None where it does not change with the parameters or is not followed."""
     reduced_mass: LiveReducedMass | None = None
     """The mass at the sensors; None where criteria of orthogonality are not asked for, or keep the values of the
     update."""
