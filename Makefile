@@ -32,7 +32,7 @@ NOT_QUICK := $(addprefix examples/cases/,$(addsuffix /run.py,bootstrap_identifie
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-small bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-posterior bench-building bench-calibration bench-judge bench-health bench-sensors bench-page bench-live bench-newcomer bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser firefox bench bench-small bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-posterior bench-building bench-calibration bench-judge bench-health bench-sensors bench-page bench-live bench-newcomer bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -131,6 +131,9 @@ browser: $(VENV)/.stamp-test  ## check the newest report (or REPORT=path) in hea
 	  $(BIN)/femtune run build/live.toml --output build/live --quiet && cd web && \
 	  FEMTUNE_PAGES="$(or $(REPORT),$(PAGES)$(LEFT_PAGES))" npm run --silent browser; \
 	else echo "SKIPPED: no npm on this machine, the page was not used in a browser"; fi
+
+firefox: web/node_modules/.stamp  ## the tests of both browsers in headless Firefox (firefox-esr), on the pages that `make browser` has left
+	@cd web && FEMTUNE_FIREFOX="$${FEMTUNE_FIREFOX:-$$(command -v firefox-esr)}" FEMTUNE_PAGES="$(or $(REPORT),$(PAGES))" npm run --silent browser
 
 bench: $(VENV)/.stamp-test  ## time and memory against model size; takes hours and can be interrupted (BENCH_ARGS=--quick: a minute)
 	@$(BIN)/python benchmarks/size/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)

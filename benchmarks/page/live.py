@@ -280,7 +280,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="building and plate alone")
     parser.add_argument("--only", help="one of the studies: building, plate, frame")
-    parser.add_argument("--dofs", type=int, default=20_000, help="of the frame")
+    parser.add_argument("--dofs", type=int, default=40_000, help="of the frame")
     parser.add_argument("--evidence", type=Path, help="folder for the page benchmark_live.md")
     chosen = parser.parse_args()
     found = []

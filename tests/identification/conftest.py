@@ -21,11 +21,13 @@ class Known:
     shapes: NDArray
     inputs: tuple[int, ...] = (0,)
 
-    def frfs(self, lines: NDArray, noise: float = 0.0, seed: int = 0, kind: str = "accelerance") -> FrfSet:
-        """Sum of the modes, with noise of √E|error|² = `noise` times the rms of all functions."""
+    def frfs(
+        self, lines: NDArray, noise: float = 0.0, seed: int = 0, kind: str = "accelerance", decay: float = 0.0
+    ) -> FrfSet:
+        """Sum of the modes, with noise of √E|error|² = `noise` times the rms of all functions; at s = `decay` + iω."""
         poles, refs = pole_of(self.freq_hz, self.damping_ratio), self.shapes[list(self.inputs)]
         residues = np.einsum("ir,jr,r->ijr", self.shapes, refs, 1.0 / (2j * poles.imag))
-        s = 2j * np.pi * lines[:, None]
+        s = decay + 2j * np.pi * lines[:, None]
         values = residues @ (1.0 / (s - poles)).T + residues.conj() @ (1.0 / (s - poles.conj())).T
         values = values * s[:, 0] ** ["receptance", "mobility", "accelerance"].index(kind)
         rng = np.random.default_rng(seed)

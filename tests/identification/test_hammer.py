@@ -10,11 +10,10 @@ from scipy.signal import chirp
 from tests.messages.shown import check_shown
 
 from femtune import identify
-from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice
 from femtune.identification import InputKnown, identify_frfs
 from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, still_moving, without_hits
-from femtune.modal import FrfSet, ModeSet, TimeSeries, mac, pole_of
+from femtune.modal import FrfSet, TimeSeries, mac, pole_of
 
 from .conftest import Known
 from .hits import CHANNELS, DAMPING, FREQ, RATE, SHAPES, codes, measured, response, written
@@ -44,13 +43,6 @@ def test_hits_of_different_size_behind_a_steep_filter_are_recognised() -> None:
         steep = np.fft.irfft(np.fft.rfft(force) * (np.fft.rfftfreq(n) < 0.42), n)
         record = TimeSeries(steep[None], CHANNELS[:1], RATE)
         assert is_impulsive(record)
-
-
-def test_rigid_body_modes_are_not_subtracted_beside_a_window() -> None:
-    rigid = ModeSet(np.zeros(1), np.ones((1, 1)), DofSet([Dof(1, "Z")]), normalisation="mass")
-    with pytest.raises(FemtuneError) as caught:
-        InputKnown(rigid=rigid, exponential_s=0.5)
-    check_shown("identify.rigid-modes, window", caught.value)
 
 
 def test_double_hits_and_overloads_are_left_out() -> None:

@@ -89,6 +89,7 @@ _OTHERS = (
     _Case("study.field", "PBAR 1 I1", "pshell 1 t", 16, 'in capitals, as in "PSHELL 1 T"'),
     _Case("study.field", "PBAR 1 I1", "bending of column", 16, 'for example "PBAR 1 I1" or "MAT1 2 E"'),
     _Case("study.unknown-key", "[modes]", "[mode]", 6, "did you mean 'modes'?"),
+    _Case("study.unknown-key", "[modes]", '[[pair]]\ntest = "1"\nmodel = 1\n\n[modes]', 6, "give --choices"),
     _Case("study.unknown-key", "lower = 0.5", "lower = 0.5\nlowr = 1", 18, "did you mean 'lower'?"),
     _Case("study.missing-key", "upper = 2.0\n", "", 14, "lacks the key 'upper'"),
     _Case("study.missing-key", 'name = "EI"\n', "", 14, "[[parameter]] lacks the key 'name'"),

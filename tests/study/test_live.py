@@ -139,6 +139,11 @@ def test_a_mass_on_a_reduced_live_model_is_that_of_a_deck_with_it(bench: Bench) 
     assert one.order < one.dofs == 120
     assert len(one.mass_points) == 8
     assert live.solutions == 0
+    # criteria of orthogonality can follow too
+    assert one.reduced_mass is not None
+    assert len(one.reduced_mass.sensors) == 20
+    assert one.reduced_mass.points == 11
+    assert one.reduced_mass.difference < 1e-3
     model, worst = stored_model(live, one.configuration, run.arrays), 0.0
     for k, mass in ((0, 0.7), (4, 3.0), (7, 20.0)):
         point = one.mass_points[k].removeprefix("grid ")
@@ -225,6 +230,9 @@ def test_larger_models_are_reduced_and_checked(bench: Bench, more: str) -> None:
     (one,) = live.configurations
     assert one.bounds.compared_with == "reduced model"
     assert one.order <= one.bounds.compared_order < one.dofs == 288
+    assert one.mass_points == ()
+    assert one.mass_reason == "the model was reduced, and its basis has no responses to forces at single points"
+    assert one.reduced_mass is None
     # what was compared with the full model was solved for it
     assert one.region_full is not None
     assert one.bounds_full is not None

@@ -47,14 +47,14 @@ export interface LiveCertificate { other: string; points: number; corners: numbe
 export interface LiveFunctions {
   kind: string; ordinate: string; look: string; outputs: string[]; inputs: string[]; freq_hz: Packed; test_real: Packed; test_imaginary: Packed;
   output_rows: Packed; input_rows: Packed; modes: number; ratios: number[]; ratios_hz: number[]; hysteretic: boolean; loss_factor: number;
-  si: number; label: string; form: string; sd: Packed | null; shift: Packed | null; note: string; errors: [string, number, number, string][];
+  si: number; label: string; form: string; every: number; sd: Packed | null; shift: Packed | null; note: string; errors: [string, number, number, string][];
 }
 export interface LiveCriterion { name: string; quantity: string; at_most: boolean; limit: number; unit: string; measured: number | null; verdict: string; remark: string }
 export interface LiveConfiguration {
   configuration: string; order: number; count: number; shift: number; theta: number[]; terms: LiveTerm[]; triangles: Packed; sensors: Packed;
-  test_labels: string[]; test_freq_hz: number[]; test_shapes: Packed; sensor_labels: string[]; mass_points: string[]; mass_rows: Packed | null; pairs: [number, number, number[]][]; parts: LivePart[];
+  test_labels: string[]; test_freq_hz: number[]; test_shapes: Packed; sensor_labels: string[]; mass_points: string[]; mass_reason: string; mass_rows: Packed | null; pairs: [number, number, number[]][]; parts: LivePart[];
   region: LiveCertificate[]; bounds: LiveCertificate[]; checks: { x: number[]; eigenvalues: number[]; chi_square: number; functions: number[] }[];
-  functions: LiveFunctions[]; functions_reason: string; criteria: LiveCriterion[];
+  functions: LiveFunctions[]; functions_reason: string; criteria: LiveCriterion[]; mass: { updated: number; slopes: number[]; weighed: [number, number][] } | null; mass_sensors: number[];
 }
 export interface Live {
   parameters: LiveParameter[]; narrowed: boolean; rejected: boolean; mass_unit: string; x: number[]; region: LiveRegion | null; draws: LiveDraws | null; configurations: LiveConfiguration[]; others: { kind: string; chi_square: number }[];

@@ -55,6 +55,8 @@ export function magnitudes(lines: Line[], low: number, high: number): [number, n
 /** Where a plot takes its curves from; `section` and `inputs` are empty where no operating shape belongs to them. */
 export interface Source {
   configuration: string; ordinate: string; titles: string[]; note: string; phase: boolean; lines(k: number): Line[]; section?: string; operating?: boolean;
+  /** Called with the frequency of the cursor. */
+  placed?(hz: number | null): void;
 }
 
 /** The line of a curve that is nearest to a frequency. */
@@ -145,6 +147,7 @@ export class FunctionPlot {
   private put(hz: number | null): void {
     this.cursor = hz;
     this.draw();
+    this.data.placed?.(hz);
     const { configuration, section } = this.data;
     if (this.data.operating) document.dispatchEvent(new CustomEvent("femtune:cursor", { detail: { configuration, section, which: this.which.select.selectedIndex, hz } }));
   }

@@ -71,6 +71,8 @@ export class LivePanel {
   private readonly host = h("div", { class: "liveshape" });
   private readonly worker: Worker;
   private readonly off: Set<number>[];
+  private readonly totalMass = h("p", { class: "note totalmass" });
+  private readonly noMasses = h("p", { class: "note nomasses" });
   private readonly masses = h("details", {}, h("summary", {}, "A mass at a sensor"));
   private point = 0;
   private mass = 0;
@@ -105,7 +107,10 @@ export class LivePanel {
     this.sliders = live.parameters.map((p, k) => new Slider(p, k, live.narrowed ? "Range" : "Bounds", (value) => this.set(k, value)));
     this.configuration = choice("Configuration", live.configurations.map((c) => c.configuration), () => this.choose());
     this.lines = h("textarea", { readonly: true, rows: 6, "aria-label": "Values as lines for a study" });
-    this.frfs = new LiveFrfs(live, this.reach, () => this.ask(), (doubt) => this.dropped.doubted(doubt));
+    this.frfs = new LiveFrfs(live, this.reach, () => this.ask(), (doubt) => this.dropped.doubted(doubt), (level) => {
+      this.stop();
+      this.worker.postMessage({ kind: "level", configuration: this.at, level, added: this.added });
+    });
     this.dropped = new DroppedTest(live, (modes, curves) => {
       this.worker.postMessage({ kind: "drop", configuration: this.at, modes });
       this.frfs.drop(curves);
@@ -138,9 +143,9 @@ export class LivePanel {
         h("fieldset", { class: "sliders" }, h("legend", {}, "Parameters"), legend, ...this.sliders.map((s) => s.element),
           h("p", { class: "tools" }, button("Back to the update", () => { this.stop(); this.setAll((p) => p.updated); }), this.live.parameters.every((p) => p.lower <= p.nominal && p.nominal <= p.upper) ? button("Initial values", () => { this.stop(); this.setAll((p) => p.nominal); }) : null)),
         h("div", { class: "answers" }, this.where, this.truth, this.certificate, h("div", { class: "controls" }, this.configuration.label),
-          table("Frequencies and MAC now", [this.live.configurations.some((c) => c.test_labels.length) ? "Test mode" : "Mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes),
+          table("Frequencies and MAC now", [this.live.configurations.some((c) => c.test_labels.length) ? "Test mode" : "Mode", "Test, Hz", "Updated, Hz", "Now, Hz", "Error, %", "MAC"], this.modes), this.totalMass,
           table("χ² of all configurations", ["Residuals", "Updated", "Now"], this.parts), this.criteriaTable, this.host)),
-      this.frfs.element, this.asks, this.masses, this.sensors, this.dropped.element, lines);
+      this.frfs.element, this.asks, this.masses, this.noMasses, this.sensors, this.dropped.element, lines);
     this.criteriaTable.append(table("Criteria now", ["Criterion", "Limit", "Updated", "Now", "Verdict"], this.criteria),
       this.keptNote);
     this.fillAsks();
@@ -176,6 +181,13 @@ export class LivePanel {
     if (asked === "mac") this.told.textContent = `Lowest MAC of test mode ${c.test_labels[test]} in ${where}${mass}: ${found.value.toFixed(3)}; updated ${first.pairs[test].whole?.toFixed(3) ?? "–"}. Found by steps from the update; the sliders stand at these values.`;
     else this.told.textContent = `${sign < 0 ? "Lowest" : "Highest"} frequency of test mode ${c.test_labels[test]} in ${where}${mass}: ${cycles(found.value)} Hz; updated${this.mass ? " without the mass" : ""} ${cycles(first.freq_hz[column])} Hz, test ${cycles(c.test_freq_hz[test])} Hz. Found by steps from the update; the sliders stand at these values.`;
     this.setAll((p, i) => p.nominal + p.scale * found.x[i]);
+  }
+
+  private takeLevel({ configuration, level, extreme, updated }: Answer & { kind: "level" }): void {
+    if (configuration !== this.at) return;
+    this.models.hidden = true;
+    this.frfs.answer(level, extreme, updated, this.mass ? `, with ${this.massText()}` : "");
+    if (extreme) this.setAll((p, i) => p.nominal + p.scale * extreme.x[i]);
   }
 
   private massText(): string { return `a mass of ${shown(this.mass)} ${this.live.mass_unit}`.trimEnd() + ` at ${this.live.configurations[this.at].mass_points[this.point]}`; }
@@ -258,8 +270,10 @@ export class LivePanel {
 
   /** A point and a mass, where the live model can carry one. */
   private fillMasses(): void {
-    const points = this.live.configurations[this.at].mass_points, { masses } = this, unit = this.live.mass_unit;
+    const { mass_points: points, mass_reason: reason } = this.live.configurations[this.at], { masses, noMasses } = this, unit = this.live.mass_unit;
     masses.hidden = !points.length;
+    noMasses.hidden = !reason;
+    noMasses.textContent = `A mass at a sensor cannot be added: ${reason}.`;
     const which = choice("Point", points, (k) => { this.point = k; if (this.mass) this.ask(); });
     which.label.hidden = false;
     this.point = 0;
@@ -305,6 +319,7 @@ export class LivePanel {
       return;
     }
     if (answer.kind === "extreme") { this.takeExtreme(answer.asked, answer.test, answer.sign, answer.extreme); return; }
+    if (answer.kind === "level") { this.takeLevel(answer); return; }
     if (answer.kind === "allowed") { this.takeAllowed(answer.allowed.models, answer.allowed.effective, answer.allowed.weighed); return; }
     this.solved[answer.configuration] = answer.solved;
     if (!this.mass) this.first[answer.configuration] ??= answer.solved;
@@ -379,7 +394,16 @@ export class LivePanel {
     this.fillCriteria();
   }
 
+  private fillMass(): void {
+    const { mass } = this.live.configurations[this.at], now = this.solved[this.at]?.totalMass, of = (value: number | undefined) => `${shown(value, 5)} ${this.live.mass_unit}`.trimEnd();
+    this.totalMass.hidden = !mass;
+    if (!mass) return;
+    const weighed = mass.weighed.map(([m, sd]) => `; weighed ${of(m)}, ${signed((100 * ((now ?? NaN) - m)) / m)} % (standard deviation ${shown((100 * sd) / m, 3)} %)`);
+    this.totalMass.textContent = `Mass of the model: now ${of(now)}, updated ${of(mass.updated)}${weighed.join("")}.`;
+  }
+
   private fillCriteria(): void {
+    this.fillMass();
     const c = this.live.configurations[this.at], rows = criterionRows(c, this.first[this.at], this.mass ? null : this.solved[this.at]);
     const kept = rows.filter((r) => !r.live).length;
     this.criteriaTable.hidden = kept === rows.length;

@@ -4,7 +4,9 @@ import type { LiveConfiguration, LivePart, LiveRegion, LiveTerm } from "./data.t
 import { unpackDouble } from "./data.ts";
 import { polarFactor, solveDense } from "./dense.ts";
 import { largestPairs } from "./eigen.ts";
+import { frfMeasures } from "./livefrfcriteria.ts";
 import { FunctionSet, type Curve } from "./livefunctions.ts";
+import { orthogonality } from "./livemass.ts";
 
 const MASSLESS = 1e-14, LEAST_MASS = 1e-6;
 /** λ over |σ| below which a mode has no frequency, without and with an added mass; as femtune.model.live.matrices. */
@@ -16,7 +18,7 @@ export interface Modes { eigenvalues: Float64Array; freq_hz: Float64Array; shape
 export interface AddedMass { point: number; mass: number }
 /** A test mode and the position of its partner at the point, −1 without one; MAC of the chosen sensors, and of all. */
 export interface LivePair { test: number; column: number; mac: number | null; whole: number | null }
-export interface Solved { freq_hz: Float64Array; pairs: LivePair[]; mac: Float64Array; squares: Record<string, number>; common: [number, number]; chiSquare: number }
+export interface Solved { freq_hz: Float64Array; pairs: LivePair[]; mac: Float64Array; squares: Record<string, number>; common: [number, number]; chiSquare: number; measures?: Record<string, number | null>; totalMass?: number }
 /** One of the functions of a configuration: which set, and which of its functions. */
 export interface Chosen { set: number; k: number }
 
@@ -192,6 +194,31 @@ export class LiveModel {
       if (chosen?.set === i) curve = set.curve(this, point, chosen.k);
     });
     return { squares, curve };
+  }
+
+  /** The mass of the model, and the χ² of what was weighed; null where the mass is not followed. */
+  massAt(x: ArrayLike<number>): { total: number; squares: Record<string, number> } | null {
+    const { mass, terms } = this.data;
+    if (!mass) return null;
+    const total = terms.filter((t) => t.kind === "mass").reduce((sum, term, k) => sum + mass.slopes[k] * polynomial(term, x, this.lower, this.upper), mass.updated);
+    return { total, squares: mass.weighed.length ? { mass: mass.weighed.reduce((sum, [weighed, sd]) => sum + ((total - weighed) / sd) ** 2, 0) } : {} };
+  }
+
+  /** Values of the criteria other than those of single pairs, as far as the page computes them. */
+  measures(modes: Modes): Record<string, number | null> {
+    const wanted = new Set(this.data.criteria.map((c) => c.quantity)), out: Record<string, number | null> = {}, kept = this.data.mass_sensors;
+    if (kept.length && ["diagonal", "off_diagonal", "self"].some((q) => wanted.has(q))) {
+      const own = this.lowest(modes), become = this.followed(own), seen = own.shapes.map((s) => this.seen(s)), motions = this.motions(own, become, seen);
+      Object.assign(out, orthogonality(this, own, kept, Array.from(motions, ([test, { shape, columns }]) => ({ test: this.tests[test], model: shape, columns })), seen));
+    }
+    // functions that the update did not use, with all of their lines
+    const unused = this.functions.filter((set) => !set.data.label && set.data.every === 1);
+    if (unused.length === 1 && ["frac", "fdac", "mean_db", "max_db", "resonance"].some((q) => wanted.has(q))) {
+      const [set] = unused, point = set.point(this, modes), n = set.freq.length, test = (k: number) => ({ real: set.testReal.subarray(k * n, (k + 1) * n), imaginary: set.testImaginary.subarray(k * n, (k + 1) * n) });
+      const places = Array.from({ length: set.count }, (_, k) => k);
+      Object.assign(out, frfMeasures({ freq: set.freq, outputs: set.data.outputs.length, inputs: set.data.inputs.length, model: places.map((k) => set.curve(this, point, k)), test: places.map(test) }));
+    }
+    return out;
   }
 
   /** yᵀ T y of the matrix of each term. */

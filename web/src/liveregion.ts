@@ -2,7 +2,7 @@
 
 import { unpackDouble, type LiveDraws, type LiveRegion } from "./data.ts";
 import { solveDense } from "./dense.ts";
-import { inRegion, polynomial, type AddedMass, type LiveModel, type Modes } from "./livemodel.ts";
+import { inRegion, polynomial, type AddedMass, type Chosen, type LiveModel, type Modes } from "./livemodel.ts";
 
 export interface Allowed { models: number[][]; effective: number; weighed: boolean }
 
@@ -123,4 +123,75 @@ export function extreme(model: LiveModel, region: LiveRegion | null, start: numb
     here = better.there;
   }
   return { x, value: asked === "frequency" ? here.modes.freq_hz[here.column] : here.value };
+}
+
+/** The level of a function at one of its lines, or the highest of all of them where `line` is null. */
+export interface AskedLevel { chosen: Chosen; line: number | null; sign: number }
+/** Values of the parameters, the magnitude there and its frequency; how many models were tried first; whether the time ended it. */
+export interface LevelExtreme { x: number[]; value: number; hz: number; tried: number; cut: boolean }
+
+/** Models from which the best are taken as starts: a level has an optimum of its own for each mode that can pass a line. */
+const TRIED = 40, STARTS = 3;
+/** Radius of the first step and of the last one, as a part of that of the region; factors where a step helps and where not. */
+const FIRST = 0.5, LAST = 1e-3, WIDER = 1.5, NARROWER = 0.4, MOST_STEPS = 80;
+/** Time after which the search ends with the best that it has, in ms. */
+const MOST_MS = 20_000;
+
+/**
+ * The lowest (sign −1) or highest (sign 1) level of a function in the region: steps along the slope, in the metric of the
+ * region and projected on it, from the best of some models and from the update.
+ */
+export function levelExtreme(model: LiveModel, region: LiveRegion | null, models: number[][], start: number[], { chosen, line, sign }: AskedLevel, added: AddedMass | null = null): LevelExtreme | null {
+  const set = model.functions[chosen.set], { lower, upper } = model, end = performance.now() + MOST_MS;
+  const at = (x: number[]) => {
+    const modes = model.modes(x, added, model.most);
+    if (!modes) return null;
+    const { real, imaginary } = set.curve(model, set.point(model, modes), chosen.k);
+    let best = line ?? 0;
+    const size = (l: number) => Math.hypot(real[l], imaginary[l]);
+    if (line === null) for (let l = 1; l < real.length; l++) if (size(l) > size(best)) best = l;
+    return size(best) > 0 ? { log: Math.log(size(best)), line: best } : null;
+  };
+  const places = region ? region.moving : start.map((_, p) => p);
+  const slopes = (x: number[], log: number) => x.map((v, p) => {
+    if (!places.includes(p)) return 0;
+    // away from the nearer bound
+    const h = STEP * (upper[p] - lower[p]) * (2 * v < lower[p] + upper[p] ? 1 : -1), there = at(x.map((u, i) => (i === p ? v + h : u)));
+    return there ? (sign * (there.log - log)) / h : 0;
+  });
+  const some = region ? models.filter((x) => inRegion(region, x) <= 1).slice(0, TRIED) : spread(lower, upper, TRIED);
+  const known = [start, ...some].flatMap((x) => { const found = at(x); return found ? [{ x, ...found }] : []; }).sort((a, b) => sign * (b.log - a.log));
+  let best: { x: number[]; log: number; line: number } | null = null;
+  for (const from of known.slice(0, STARTS)) {
+    if (best && performance.now() > end) break;
+    let here = from, g = slopes(here.x, here.log), radius = FIRST;
+    for (let step = 0; step < MOST_STEPS && radius > LAST && performance.now() <= end; step++) {
+      const x = stepTo(region, here.x, g, radius, lower, upper), there = at(x);
+      if (there && sign * (there.log - here.log) > 1e-9) { here = { x, ...there }; g = slopes(x, there.log); radius = Math.min(1, WIDER * radius); }
+      else radius *= NARROWER;
+    }
+    if (!best || sign * (here.log - best.log) > 0) best = here;
+  }
+  return best && { x: best.x, value: Math.exp(best.log), hz: set.freq[best.line], tried: known.length, cut: performance.now() > end };
+}
+
+/** The best point for a linear function within a part of the region's radius about x, and in the region. */
+function stepTo(region: LiveRegion | null, x: number[], g: number[], radius: number, lower: number[], upper: number[]): number[] {
+  if (!region) {
+    const [low, high] = [-1, 1].map((side) => x.map((v, i) => Math.min(upper[i], Math.max(lower[i], v + side * radius * (upper[i] - lower[i])))));
+    return linearOptimum(null, x, g, low, high);
+  }
+  const { moving, centre, precision, radius_square } = region, k = moving.length, at = moving.map((p) => x[p]), size = radius * radius * radius_square;
+  const near = { ...region, at, centre: at, offset: region.offset.map(() => 0), limit: size, radius_square: size }, out = linearOptimum(near, x, g, lower, upper);
+  const d = moving.map((p, i) => out[p] - centre[i]), form = d.reduce((sum, v, i) => sum + v * d.reduce((inner, w, j) => inner + precision[i * k + j] * w, 0), 0);
+  if (form > radius_square) moving.forEach((p, i) => { out[p] = Math.min(upper[p], Math.max(lower[p], centre[i] + d[i] * Math.sqrt(radius_square / form))); });
+  return out;
+}
+
+/** Points of a box that fill it evenly, from the fractions of multiples of an irrational number for each parameter. */
+function spread(lower: number[], upper: number[], count: number): number[][] {
+  // the root of y^(k + 1) = y + 1
+  let root = 2;
+  for (let turn = 0; turn < 40; turn++) root = (1 + root) ** (1 / (lower.length + 1));
+  return Array.from({ length: count }, (_, n) => lower.map((low, i) => low + (((n + 1) / root ** (i + 1)) % 1) * (upper[i] - low)));
 }

@@ -4,7 +4,7 @@ import { unpack, type Live, type SceneData } from "./data.ts";
 import type { Curve } from "./livefunctions.ts";
 import { inRegion, LiveModel, verified, type AddedMass, type Chosen, type Modes, type Solved } from "./livemodel.ts";
 import { paired, type DroppedModes, type DroppedPair } from "./livepairs.ts";
-import { drawRows, extreme, logWeights, resampled, type Allowed, type Asked, type Extreme } from "./liveregion.ts";
+import { drawRows, extreme, levelExtreme, logWeights, resampled, type Allowed, type Asked, type AskedLevel, type Extreme, type LevelExtreme } from "./liveregion.ts";
 import { partsOf, scaledSquares } from "./livetext.ts";
 
 export interface Begin { kind: "begin"; live: Live; shapes: (SceneData["live"])[] }
@@ -15,6 +15,8 @@ export interface Drop { kind: "drop"; configuration: number; modes: DroppedModes
 export interface AskAllowed { kind: "allowed"; count: number }
 /** Asks for the lowest (−1) or highest (1) frequency or MAC of a test mode in the region. */
 export interface AskExtreme { kind: "extreme"; asked: Asked; configuration: number; test: number; sign: number; added: AddedMass | null }
+/** Asks for the lowest or highest level of a function in the region. */
+export interface AskLevel { kind: "level"; configuration: number; level: AskedLevel; added: AddedMass | null }
 /** A shape that is drawn: motion (points, 3), factor from the test's shape to it, and the modes that it is a combination of. */
 export interface LiveShape { configuration: number; test: number; columns: number[]; motion: Float32Array; factor: number }
 /** One of the functions, at the updated point and now. */
@@ -23,6 +25,7 @@ export type Answer =
   | { kind: "ready"; verified: boolean }
   | { kind: "allowed"; allowed: Allowed }
   | { kind: "extreme"; asked: Asked; test: number; sign: number; extreme: Extreme | null }
+  | { kind: "level"; configuration: number; level: AskedLevel; extreme: LevelExtreme | null; updated: number | null }
   | { kind: "solved"; id: number; configuration: number; solved: Solved | null; shape: LiveShape | null; functions: LiveCurves | null; dropped: DroppedPair[] | null; last: boolean };
 
 let live: Live;
@@ -42,12 +45,15 @@ function begin(given: Begin): void {
 
 function solve({ id, x, configurations, shape, off, added, functions }: Solve): void {
   configurations.forEach((k, i) => {
-    const model = models[k], chosen = functions?.configuration === k ? functions.chosen : null;
-    const all = modesFor(model, x, added?.configuration === k ? added.mass : null, chosen !== null), modes = all && model.lowest(all), solved = modes && model.solve(modes, off[k]);
+    const criteria = models[k].data.criteria.some((c) => !["", "frequency", "mac"].includes(c.quantity)), model = models[k], chosen = functions?.configuration === k ? functions.chosen : null;
+    const all = modesFor(model, x, added?.configuration === k ? added.mass : null, chosen !== null || criteria), modes = all && model.lowest(all), solved = modes && model.solve(modes, off[k]);
     let curves: LiveCurves | null = null;
     if (all && solved) {
       const { squares, curve } = model.functionsAt(all, chosen);
       Object.assign(solved.squares, squares);
+      const mass = model.massAt(x);
+      if (mass) { Object.assign(solved.squares, mass.squares); solved.totalMass = mass.total; }
+      if (criteria) solved.measures = model.measures(all);
       if (chosen) curves = { chosen, updated: curveAtUpdate(k, chosen), now: curve };
     }
     const drawn = modes && solved && shape?.configuration === k ? shapeOf(k, shape.test, modes) : null;
@@ -89,7 +95,7 @@ function answer(message: Answer, transfer: Transferable[] = []): void { (self as
 function trueSquares(x: number[], factors: Record<string, number>): number | null {
   const all = models.map((model) => {
     const found = modesFor(model, x, null, false), solved = found && model.solve(model.lowest(found));
-    if (found && solved) Object.assign(solved.squares, model.functionsAt(found, null).squares);
+    if (found && solved) Object.assign(solved.squares, model.functionsAt(found, null).squares, model.massAt(x)?.squares);
     return solved;
   });
   return all.every((s) => s !== null) ? scaledSquares(partsOf(all as Solved[]), factors) : null;
@@ -109,10 +115,17 @@ function allowed({ count }: AskAllowed): void {
   answer({ kind: "allowed", allowed: { models: chosen.map((i) => rows[i]), effective, weighed: true } });
 }
 
-self.onmessage = ({ data }: MessageEvent<Begin | Solve | Drop | AskAllowed | AskExtreme>) => {
+function level({ configuration, level: asked, added }: AskLevel): void {
+  const found = levelExtreme(models[configuration], live.region, live.draws ? drawRows(live.draws) : [], live.x, asked, added);
+  const curve = found && curveAtUpdate(configuration, asked.chosen), sizes = curve && Array.from(curve.real, (re, l) => Math.hypot(re, curve.imaginary[l]));
+  answer({ kind: "level", configuration, level: asked, extreme: found, updated: sizes && (asked.line === null ? Math.max(...sizes) : sizes[asked.line]) });
+}
+
+self.onmessage = ({ data }: MessageEvent<Begin | Solve | Drop | AskAllowed | AskExtreme | AskLevel>) => {
   if (data.kind === "begin") begin(data);
   else if (data.kind === "solve") solve(data);
   else if (data.kind === "drop") dropped = data;
   else if (data.kind === "allowed") allowed(data);
+  else if (data.kind === "level") level(data);
   else answer({ kind: "extreme", asked: data.asked, test: data.test, sign: data.sign, extreme: extreme(models[data.configuration], live.region, live.x, data.test, data.sign, data.added, data.asked) });
 };

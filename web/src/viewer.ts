@@ -61,7 +61,10 @@ export class Viewer {
   /** With `live` it shows the motions of the live model, and offers no others. */
   constructor(private readonly view: View, private readonly live = false) {
     this.canvas = h("canvas", { tabindex: 0, role: "img", "aria-label": "Moving mode shape", "aria-describedby": live ? "live-keys" : "viewer-keys" });
-    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+    // where there is none three.js would write errors to the console
+    const context = this.canvas.getContext("webgl2", { antialias: true, alpha: true, depth: true, stencil: false, preserveDrawingBuffer: true });
+    if (!context) throw new Error("no WebGL");
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, context, antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.renderer.autoClear = false;
     const range = (low: number, high: number, step: number, value: number) =>
       h("input", { type: "range", min: low, max: high, step, value, input: () => this.redraw() });

@@ -6,7 +6,9 @@ import { largestPairs } from "../src/eigen.ts";
 import { criterionRows } from "../src/livecriteria.ts";
 import { FunctionSet, interpolated, solveFactored } from "../src/livefunctions.ts";
 import { aligned, assignment, chebyshev, differences, inRegion, LiveModel, macOf, polynomial, subspaceMac, verified } from "../src/livemodel.ts";
-import { eigenvalueGradient, extreme, linearOptimum, logWeights, resampled } from "../src/liveregion.ts";
+import { frfMeasures, peaks, squaredDeviation } from "../src/livefrfcriteria.ts";
+import { orthogonality } from "../src/livemass.ts";
+import { eigenvalueGradient, extreme, levelExtreme, linearOptimum, logWeights, resampled } from "../src/liveregion.ts";
 import { certificateText, partsOf, scaledSquares, size, studyLines, truthText } from "../src/livetext.ts";
 import type { LiveConfiguration, Packed } from "../src/data.ts";
 
@@ -193,11 +195,11 @@ function chain(check: number): LiveModel {
     terms: [{ kind: "stiffness", parameters: [0], shape: [2], coefficients: [0, 1], scale: 1 }],
     triangles: packed(Float64Array.of(term(0, 0), term(0, 1), term(1, 1)), [1, 3]),
     sensors: packed(Float64Array.of(basis[0][0], basis[1][0], basis[0][1], basis[1][1]), [2, 2]),
-    sensor_labels: ["1X+", "2X+"], mass_points: ["grid 1"],
+    sensor_labels: ["1X+", "2X+"], mass_points: ["grid 1"], mass_reason: "",
     mass_rows: packed(Float64Array.of(basis[0][0], basis[1][0], 0, 0, 0, 0), [1, 3, 2]), test_labels: ["1"], test_freq_hz: [0.1], test_shapes: packed(Float64Array.of(raw[0][0], raw[0][1]), [2, 1]), pairs: [[0, 0, [0]]],
     parts: [{ kind: "frequency", quantity: "frequency", form: "eigenvalue", test: 0, sd: 0.5, sensors: [], weights: null, common: 0 }],
     region: [], bounds: [],
-    checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0, functions: [] }], functions: [], functions_reason: "", criteria: [],
+    checks: [{ x: [0.5], eigenvalues: [check, 0], chi_square: 0, functions: [] }], functions: [], functions_reason: "", criteria: [], mass: null, mass_sensors: [],
   };
   return new LiveModel(data, [-1], [1]);
 }
@@ -255,7 +257,7 @@ test("a question is answered with the mass that is added", () => {
 });
 
 const BASE = { kind: "accelerance", ordinate: "", look: "test", outputs: ["1X+", "2X+"], inputs: ["2X+"], freq_hz: packed(Float64Array.of(0.05, 0.2, 0.4), [3]), test_real: packed(Float64Array.of(1, 2, 3, 4, 5, 6), [2, 1, 3]),
-  test_imaginary: packed(new Float64Array(6), [2, 1, 3]), modes: 2, ratios: [0.02, 0.03], ratios_hz: [], hysteretic: false, loss_factor: 0, si: 1, label: "frf", form: "linear", sd: packed(Float64Array.of(1, 0, 1, 1, 1, 2), [2, 1, 3]), shift: null, note: "", errors: [] };
+  test_imaginary: packed(new Float64Array(6), [2, 1, 3]), modes: 2, ratios: [0.02, 0.03], ratios_hz: [], hysteretic: false, loss_factor: 0, si: 1, label: "frf", form: "linear", every: 1, sd: packed(Float64Array.of(1, 0, 1, 1, 1, 2), [2, 1, 3]), shift: null, note: "", errors: [] };
 
 /** x of two equations with complex numbers [re, im]. */
 function both(a: [number, number][][], b: [number, number][]): [number, number][] {
@@ -314,4 +316,65 @@ test("criteria follow frequencies and MAC; others, and those that the page finds
   assert.deepEqual(rows.map((r) => [r.now, r.verdict, r.live]), [["6 %", "fail", true], ["0.91", "pass", true], ["as updated", "pass", false], ["as updated", "pass", false], ["0.91", "fail", true]]);
   assert.deepEqual([rows[0].limit, rows[0].updated], ["≤ 5 %", "2 %"]);
   assert.equal(criterionRows(of(one("mac", false, 0.9, 0.95, "pass")), solved(10, 0.95), null)[0].verdict, "–");
+});
+
+test("orthogonality with the mass at the sensors: of all masses of the chain, and of one of them", () => {
+  const model = chain(0), modes = model.modes([0])!, seen = modes.shapes.map((y) => model.seen(y)), pair = (test: number[], k: number) => ({ test: Float64Array.from(test), model: seen[k], columns: [k] });
+  const all = orthogonality(model, modes, [0, 1], [pair([1, 1], 0), pair([1, -1], 1)], seen), g = (1 + Math.sqrt(5)) / 2, half = Math.SQRT1_2 / Math.hypot(1, g);
+  // unit masses: φ = (1, g) and (g, −1) over their size
+  assert.ok(Math.abs(all.diagonal! - half * (1 + g)) < 1e-12 && Math.abs(all.off_diagonal! - half * (g - 1)) < 1e-12 && all.self! < 1e-12, JSON.stringify(all));
+  // condensed on the second mass: m = 1 + 1/4 and k = 1/2, whose frequency is that of the first mode to 2.4 %; the second mode is lost
+  const single = orthogonality(model, modes, [1], [pair([9, 1], 0)], seen);
+  assert.ok(Math.abs(single.diagonal! - 1) < 1e-12 && single.off_diagonal === null && single.self === null);
+  assert.equal(orthogonality(model, modes, [1], [pair([9, 1], 1)], seen).diagonal, null);
+});
+
+test("the deviation of functions: decades and phases, and lines that are not compared", () => {
+  const one = (...v: number[]) => ({ real: v.filter((_, i) => i % 2 === 0), imaginary: v.filter((_, i) => i % 2 === 1) });
+  assert.ok(Math.abs(squaredDeviation(one(10, 0, 0, 20, 5, 5), one(1, 0, 0, 2, 0, 0))! - 1) < 1e-12);
+  assert.ok(Math.abs(squaredDeviation(one(0, 3), one(3, 0))! - (Math.PI / 2 / Math.LN10) ** 2) < 1e-12);
+  assert.equal(squaredDeviation(one(1, 1), one(0, 0)), null);
+});
+
+test("resonances are peaks that stand out, between the lines", () => {
+  const hz = Array.from({ length: 200 }, (_, i) => 1 + 0.1 * i), one = (f: number, f0: number) => 1 / ((f * f - f0 * f0) ** 2 + (0.02 * f0 * f) ** 2);
+  const found = peaks(hz, hz.map((f) => one(f, 5.03) + one(f, 12.26)));
+  assert.equal(found.length, 2);
+  assert.ok(Math.abs(found[0] / 5.03 - 1) < 1e-3 && Math.abs(found[1] / 12.26 - 1) < 1e-3, `${found}`);
+  assert.deepEqual(peaks([1, 2, 3, 4, 5], [1, 1.5, 1, 1.4, 1]), [], "less than 10 dB");
+});
+
+test("criteria of functions: of the same functions, of twice as large ones, and without a partner", () => {
+  const freq = Float64Array.from({ length: 100 }, (_, i) => 1 + 0.1 * i), curve = (factor: number, f0: number) => ({ real: freq.map((f) => (factor * (f0 * f0 - f * f)) / ((f0 * f0 - f * f) ** 2 + 0.01 * f * f)), imaginary: freq.map((f) => (-factor * 0.1 * f) / ((f0 * f0 - f * f) ** 2 + 0.01 * f * f)) });
+  const of = (factor: number, f0: number, off = 0) => frfMeasures({ freq, outputs: 3, inputs: 1, model: [1, -1, 2].map((a) => curve(factor * a, f0)), test: [1, -1, 2].map((a, i) => { const c = curve(a, 5); if (i === 2) c.real.fill(0, 0, off), c.imaginary.fill(0, 0, off); return c; }) });
+  const same = of(1, 5), twice = of(2, 5, 3), other = of(1, 9);
+  assert.ok(Math.abs(same.frac! - 1) < 1e-12 && Math.abs(same.fdac! - 1) < 1e-12 && same.max_db! < 1e-9 && same.resonance! < 1e-9);
+  assert.ok(Math.abs(twice.mean_db! - 20 * Math.log10(2)) < 1e-12 && Math.abs(twice.frac! - 1) < 1e-12);
+  assert.equal(other.resonance, Infinity);
+  assert.ok(other.frac! < 0.5 && Math.abs(other.fdac! - 1) < 1e-12, "the deflections are alike at every frequency");
+});
+
+test("the highest and lowest level of a function in a region, beside a search", () => {
+  const plain = chain(0), rows = { output_rows: plain.data.sensors, input_rows: packed(plain.sensors.slice(2, 4), [1, 2]), freq_hz: packed(Float64Array.of(0.08, 0.1, 0.12), [3]) };
+  const model = new LiveModel({ ...plain.data, functions: [{ ...BASE, ...rows }] }, [-1], [1]), region = { moving: [0], at: [0.1], rows: [2], offset: [0], limit: 1, centre: [0.1], precision: [4], radius_square: 1 };
+  const level = (x: number, line: number) => { const set = model.functions[0], { real, imaginary } = set.curve(model, set.point(model, model.modes([x], null, 2)!), 1); return Math.hypot(real[line], imaginary[line]); };
+  const all = Array.from({ length: 4001 }, (_, i) => -0.4 + i / 4000);
+  for (const line of [0, 1, 2]) for (const sign of [-1, 1]) {
+    const wanted = sign * Math.max(...all.map((x) => sign * level(x, line))), found = levelExtreme(model, region, [[-0.2], [0.4], [9]], [0.1], { chosen: { set: 0, k: 1 }, line, sign })!;
+    assert.ok(Math.abs(found.value / wanted - 1) < 1e-4 && Math.abs(found.x[0] - 0.1) <= 0.5 + 1e-9, `${line} ${sign}: ${found.value} ${wanted}`);
+    assert.equal(found.tried, 3, "a model outside of the region does not count");
+  }
+  const peak = levelExtreme(model, region, [], [0.1], { chosen: { set: 0, k: 1 }, line: null, sign: 1 })!;
+  assert.ok(peak.value > Math.max(...[0, 1, 2].map((l) => level(0.1, l))) && [0.08, 0.1, 0.12].includes(peak.hz));
+  const wide = levelExtreme(model, null, [], [0.1], { chosen: { set: 0, k: 1 }, line: 0, sign: 1 })!;
+  assert.ok(wide.value >= (1 - 1e-4) * Math.max(...all.map((x) => level(x, 0))) && wide.x[0] >= -1 && wide.x[0] <= 1 && wide.tried > 20);
+});
+
+test("criteria that the worker finds follow too, and one without a value is not tested", () => {
+  const solved = (frac: number | null, resonance: number) => ({ freq_hz: new Float64Array(), pairs: [], mac: new Float64Array(), squares: {}, common: [0, 0] as [number, number], chiSquare: 0, measures: { frac, resonance } });
+  const of = (quantity: string, at_most: boolean, limit: number, measured: number) => ({ name: quantity, quantity, at_most, limit, unit: "", measured, verdict: "pass", remark: "" });
+  const c = { ...chain(0).data, criteria: [of("frac", false, 0.8, 0.95), of("resonance", true, 5, 0)] };
+  assert.deepEqual(criterionRows(c, solved(0.95, 0), solved(0.7, Infinity)).map((r) => [r.now, r.verdict]), [["0.7", "fail"], ["no partner", "fail"]]);
+  assert.deepEqual(criterionRows(c, solved(0.95, 0), solved(null, 1)).map((r) => [r.now, r.verdict]), [["–", "not tested"], ["1", "pass"]]);
+  assert.equal(criterionRows(c, solved(0.9, NaN), solved(0.7, 1)).some((r) => r.live), false, "the page finds something else at the update");
 });

@@ -418,6 +418,8 @@ class LiveFunctionsView:
     """What a value is multiplied by to be in SI units."""
     label: str
     form: str
+    every: int
+    """Every n-th line of the test is there."""
     sd: Packed | None
     shift: Packed | None
     note: str
@@ -428,8 +430,11 @@ class LiveFunctionsView:
 
 @dataclass(frozen=True)
 class LiveCriterionView:
-    """An acceptance criterion with the value and the verdict of the update; `quantity` is "frequency", "mac", or ""
-    where the page does not compute it."""
+    """An acceptance criterion with the value and the verdict of the update.
+
+    `quantity` is "frequency", "mac", one of an orthogonality ("diagonal", "off_diagonal", "self") or of FRFs ("frac",
+    "fdac", "mean_db", "max_db", "resonance"), or "" where the page does not compute it.
+    """
 
     name: str
     quantity: str
@@ -439,6 +444,15 @@ class LiveCriterionView:
     measured: float | None
     verdict: str
     remark: str
+
+
+@dataclass(frozen=True)
+class LiveMassView:
+    """The mass of a configuration; see `LiveMass` of the results. `weighed` has masses with standard deviations."""
+
+    updated: float
+    slopes: tuple[float, ...]
+    weighed: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -458,6 +472,7 @@ class LiveConfigurationView:
     test_shapes: Packed
     sensor_labels: tuple[str, ...]
     mass_points: tuple[str, ...]
+    mass_reason: str
     mass_rows: Packed | None
     pairs: tuple[tuple[int, int, tuple[int, ...]], ...]
     """Positions of test mode and mode of the updated model, and of all modes that span the motion."""
@@ -469,6 +484,9 @@ class LiveConfigurationView:
     functions: tuple[LiveFunctionsView, ...] = ()
     functions_reason: str = ""
     criteria: tuple[LiveCriterionView, ...] = ()
+    mass: LiveMassView | None = None
+    mass_sensors: tuple[int, ...] = ()
+    """Positions of the sensors to which the page reduces the mass; empty where it does not."""
 
 
 @dataclass(frozen=True)

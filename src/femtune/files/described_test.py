@@ -180,6 +180,7 @@ def described_test(path: Path, name: str, units: UnitSystem) -> ModalTest:
         conditions=(),
         source=str(path),
         notices=functions.notices,
+        exponential_s=file.identify.exponential_s,
     )
     return convert_units(test, units)
 

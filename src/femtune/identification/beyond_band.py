@@ -32,6 +32,7 @@ def system_beyond(
     high: int | None,
     *,
     reciprocal: bool,
+    decay: float = 0.0,
 ) -> SystemFit:
     """The system with the poles of the modes, and poles that stand for what lies far from the band.
 
@@ -42,13 +43,14 @@ def system_beyond(
     band_hz : of the identification
     low, high : poles below and above the band; None: as many as the functions want
     reciprocal : as for `system_fit`
+    decay : σ in rad/s that an exponential window subtracts from all poles
 
     Raises
     ------
     FemtuneError : as `system_fit`
     """
     number = [LEAST[0] if low is None else low, LEAST[1] if high is None else high]
-    poles = np.concatenate([inside, residual_poles(band_hz, *number)])
+    poles = np.concatenate([inside, residual_poles(band_hz, *number) - decay])
     fit = system_fit(frfs, poles, reciprocal=reciprocal)
     deviance = _deviance(fit, frfs)
     n, u, k = frfs.values.shape
@@ -60,7 +62,7 @@ def system_beyond(
         while number[side] < MOST[side] and 2 * k > 2 * (len(fit.poles) + 1) + 1:
             at = number[side] + 1
             further = residual_poles(band_hz, 0, at)[-1] if side else residual_poles(band_hz, at, 0)[0]
-            trial = _with(fit, frfs, further, reciprocal=reciprocal)
+            trial = _with(fit, frfs, further - decay, reciprocal=reciprocal)
             if trial is None:
                 break
             now = _deviance(trial, frfs)

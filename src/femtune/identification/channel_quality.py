@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from femtune.arrays import Complexes, Reals
 from femtune.identification.input_known import InputKnown, identify_frfs
 from femtune.identification.kinds import ChannelRule
+from femtune.identification.window import with_window
 from femtune.modal import FrfSet
 
 _WORDS = {
@@ -61,8 +62,9 @@ def quality(frfs: FrfSet, rule: ChannelRule | None = None, asked: InputKnown | N
     chosen: ChannelRule = rule or ("noise" if frfs.coherence is None else "coherence")
     of_inputs = _one_output(frfs)
     if chosen == "fit":
-        found = identify_frfs(frfs, asked or InputKnown())
-        left = found.system.frf(found.measured.freq_hz).values - found.measured.values
+        asked = asked or InputKnown()
+        found = identify_frfs(frfs, asked)
+        left = with_window(found.system, asked.decay).frf(found.measured.freq_hz).values - found.measured.values
         # together, since functions across the axes of a structure are nearly zero
         miss, size = (np.linalg.norm(_by_channel(v, of_inputs), axis=(1, 2)) for v in (left, found.measured.values))
         return Quality(chosen, np.divide(miss, size, out=np.full(len(size), np.nan), where=size > 0.0), of_inputs)

@@ -299,6 +299,19 @@ def pick_poles(
     return tuple(sorted(changed, key=lambda c: c.freq_hz))
 
 
+def poles_of_order(
+    candidates: Sequence[Candidate], table: PoleTable, method: str, order: int, limits: Limits
+) -> tuple[Candidate, ...]:
+    """The table with all possible poles of one order of a method as the modes, whatever other orders have."""
+    rows = possible(table, limits) & (np.array(table.method) == method) & (table.order == order)
+    picked = [
+        PickedPole(method, order, float(freq), float(ratio), fit_only=True)
+        for freq, ratio in zip(table.freq_hz[rows], table.damping_ratio[rows])
+    ]
+    reason = f"pole of the order {order}"
+    return tuple(replace(c, reason=reason) if c.chosen else c for c in pick_poles(candidates, table, picked))
+
+
 def _values(one: PickedPole) -> dict[str, object]:
     return {"method": one.method, "order": one.order, "freq_hz": one.freq_hz, "damping_ratio": one.damping_ratio}
 

@@ -9,9 +9,12 @@ import numpy as np
 
 from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
-from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs, terms_outside
+from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs
 from femtune.identification.join import complete_lines, in_band
+from femtune.identification.modal_solve import outside_terms
 from femtune.identification.redrawn import RedrawnTest
+from femtune.identification.rigid_body import with_rigid_body
+from femtune.identification.window import fit_with_window
 from femtune.modal import Equalised, FrfSet, equalise_damping, half_band_lines
 from femtune.modal.equalise import Band, poles_to_move
 
@@ -29,7 +32,7 @@ class EqualisedTest:
     identified : the identification
     left_out_hz : bands without lines
     largest_order : of the models of the identification
-    redrawn : how the FRFs follow the measured ones; None if rigid-body modes were taken away first
+    redrawn : how the FRFs follow the measured ones
     """
 
     frfs: FrfSet
@@ -37,7 +40,7 @@ class EqualisedTest:
     band_hz: Band
     moved: Equalised
     identified: IdentifiedModes
-    redrawn: RedrawnTest | None
+    redrawn: RedrawnTest
     left_out_hz: tuple[Band, ...] = ()
     largest_order: int = 0
 
@@ -45,7 +48,7 @@ class EqualisedTest:
     def outside_ratio(self) -> float:
         """Damping ratio for modes outside the band, whose poles keep theirs: the median of those inside."""
         zeta = self.moved.damping_ratio
-        return float(np.median(zeta)) if len(zeta) else self.damping_ratio
+        return max(float(np.median(zeta)), 0.0) if len(zeta) else self.damping_ratio
 
     @property
     def misfit(self) -> float:
@@ -66,7 +69,8 @@ def equalised_test(
     ----------
     frfs : measured, with values for every pair of response and reference
     damping_ratio : ζ of all modes inside the band
-    asked : options of the identification, with the band; the default takes all lines
+    asked : options of the identification, with the band; the default takes all lines. Lines below `suspension_hz` are
+        left out, and the poles there keep their damping. The FRFs are those without an exponential window
     per_half_band : lines in a half bandwidth 2ζf
     left_out_hz : bands without lines, whose poles stay as they are
 
@@ -82,10 +86,15 @@ def equalised_test(
             raise
         raise FemtuneError("system.equalise/no-modes", order=asked.largest_order) from error
     band = _band(identified.measured)
-    moved = equalise_damping(identified.system, damping_ratio, band, left_out_hz)
-    lines = _lines(band, damping_ratio, per_half_band, left_out_hz)
-    again = _Again(damping_ratio, asked, per_half_band, tuple(left_out_hz))
-    redrawn = None if asked.rigid is not None else _redrawn(identified, again, lines, band)
+    left_out = without_suspension(left_out_hz, asked.suspension_hz)
+    # without rigid-body motion, whose poles at zero are double and have no modes of their own
+    elastic = identified.system if asked.rigid is None else identified.system_fit.system
+    moved = equalise_damping(elastic, damping_ratio, band, left_out)
+    if asked.rigid is not None:
+        moved = replace(moved, system=with_rigid_body(moved.system, asked.rigid))
+    lines = _lines(band, damping_ratio, per_half_band, left_out)
+    again = _Again(damping_ratio, asked, per_half_band, left_out)
+    redrawn = _redrawn(identified, again, lines, band)
     return EqualisedTest(
         moved.system.frf(lines), damping_ratio, band, moved, identified, redrawn, again.left_out_hz, asked.largest_order
     )
@@ -106,6 +115,13 @@ def check_equalised_lines(
     """
     used = complete_lines(frfs if band_hz is None else in_band(frfs, *band_hz))
     return _lines(_band(used), damping_ratio, per_half_band, left_out_hz)
+
+
+def without_suspension(left_out_hz: Sequence[Band], suspension_hz: float) -> tuple[Band, ...]:
+    """Bands without lines, with that of the motions on a suspension."""
+    bands = tuple((float(low), float(high)) for low, high in left_out_hz)
+    on_suspension = (0.0, suspension_hz)
+    return bands if not suspension_hz or on_suspension in bands else (on_suspension, *bands)
 
 
 def _band(used: FrfSet) -> Band:
@@ -136,9 +152,12 @@ class _Again:
 
 
 def _redrawn(identified: IdentifiedModes, again: _Again, lines: Reals, band: Band) -> RedrawnTest:
-    fit, system = identified.fit, identified.system_fit
-    moved = poles_to_move(system.poles, band, again.left_out_hz)
-    terms = terms_outside(again.asked)
+    asked = again.asked
+    fit = replace(identified.fit, poles=identified.fit.poles - asked.decay)
+    moved = poles_to_move(identified.system_fit.poles, band, again.left_out_hz)
     # of one layout in memory, so that a copy in another process gives the same numbers to the last bit
-    measured = replace(fit.measured, values=np.ascontiguousarray(fit.measured.values))
-    return RedrawnTest(measured, fit, system, terms, moved, again.damping_ratio, lines, again, roving=identified.roving)
+    measured = replace(identified.measured, values=np.ascontiguousarray(identified.measured.values))
+    return RedrawnTest(
+        measured, fit, fit_with_window(identified.system_fit, asked.decay), outside_terms(asked.decay), moved,
+        again.damping_ratio, lines, again, roving=identified.roving, decay=asked.decay, rigid=asked.rigid,
+    )  # fmt: skip

@@ -21,6 +21,7 @@ from femtune.identification.choice import (
     choose,
     chosen_poles,
     pick_poles,
+    poles_of_order,
 )
 from femtune.identification.force_noise import with_force_noise
 from femtune.identification.frf_checks import check_frfs, dead_responses
@@ -30,7 +31,7 @@ from femtune.identification.join import FitQuality, complete_lines, fit_quality,
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.late_channels import late_notices
 from femtune.identification.modal_fit import ModalFit, fit_modes
-from femtune.identification.modal_solve import OUT_OF_BAND, modal_basis
+from femtune.identification.modal_solve import OutsideTerms, modal_basis, outside_terms
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
 from femtune.identification.near_band import fit_with_neighbours
@@ -50,9 +51,15 @@ from femtune.identification.shapes import (
 from femtune.identification.significance import without_poles_of_noise
 from femtune.identification.state_space_fit import SystemFit
 from femtune.identification.whole_record import WholeRecord, binned, coherence_of_fit
+from femtune.identification.window import fit_with_window, with_window, without_window
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
-from femtune.modal.frf_set import KINDS
 
+FIXED_ORDER = "N4SID"
+"""Method of a fixed order."""
+_GROWS = 3.0
+"""Standard deviations by which a pole must grow without the window for the window to be doubted."""
+_HARDLY_FALLS = 0.8
+"""Value of a window at the end of the record from which it hardly has an effect: usual ones fall to a hundredth."""
 _SAMPLES_PER_PERIOD = 10.24
 """Delays of channels are looked for in steps of a quarter of a sample, with 2.56 samples a period at the last line."""
 
@@ -75,6 +82,7 @@ class InputKnown:
     real : real shapes
     exponential_s : time constant τ of an exponential window e^{−t/τ} with which the functions were made. They are those
         of the structure at s = iω + 1/τ; poles, modes and system are those without the window
+    order : of N4SID; its poles in the band are the modes, without the rule that asks several orders. None: by the rule
     suspension_hz : modes below it are rigid-body motions on a suspension, which are fitted and not reported
     by_reciprocity : functions of more forces than responses, as a hammer that roves gives them, are identified as those
         of so many responses: H_ij = H_ji. The shapes are at the points of the forces then; functions, fits and system
@@ -97,6 +105,12 @@ class InputKnown:
     exponential_s: float | None = None
     suspension_hz: float = 0.0
     by_reciprocity: bool = True
+    order: int | None = None
+
+    @property
+    def decay(self) -> float:
+        """1/τ of the exponential window in rad/s; 0 without one."""
+        return 0.0 if self.exponential_s is None else 1.0 / self.exponential_s
 
     def __post_init__(self) -> None:
         unknown = set(self.methods) - set(KNOWN_INPUT)
@@ -105,8 +119,8 @@ class InputKnown:
             raise FemtuneError("identify.method/for-functions", method=method, methods=", ".join(KNOWN_INPUT))
         if self.largest_order < 4:
             raise FemtuneError("identify.method/order", order=self.largest_order)
-        if self.rigid is not None and self.exponential_s is not None:
-            raise FemtuneError("identify.rigid-modes/window")
+        if self.order is not None and (self.order < 2 or self.order % 2):
+            raise FemtuneError("identify.method/fixed-order", order=self.order)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +203,7 @@ def identify_frfs(
         ``identify.missing-pair``, ``identify.missing-lines``, ``identify.no-candidate``, ``identify.rigid-modes``,
         ``identify.no-driving-point``
     """
-    told = list(check_frfs(frfs))
+    told = [*check_frfs(frfs), *_weak_window(frfs, asked.decay)]
     roving = asked.by_reciprocity and len(frfs.references) > len(frfs.responses)
     used = _without_dead(frfs)
     if roving:
@@ -215,21 +229,16 @@ def _identified(
     frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None, of_record: WholeRecord | None
 ) -> IdentifiedModes:
     whole, errors = _used(frfs, asked, sd)
-    elastic = whole if asked.rigid is None else without_rigid_body(whole, asked.rigid)
-    shift = 0.0 if asked.exponential_s is None else 1.0 / asked.exponential_s
-    motion, elastic = elastic, _without_window(elastic, shift)
-    table = join_tables([_poles(elastic, method, asked.largest_order, errors) for method in asked.methods])
+    shift = asked.decay
+    elastic = whole if asked.rigid is None else without_rigid_body(whole, asked.rigid, shift)
+    motion, elastic = elastic, without_window(elastic, shift)
     band = asked.band_hz or (float(whole.freq_hz[0]), float(whole.freq_hz[-1]))
-    candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
-    candidates = without_poles_of_noise(candidates, table, elastic, 0.5 * asked.rule.share)
-    candidates = change_choice(candidates, asked.take, asked.drop)
-    if asked.picked:
-        candidates = pick_poles(candidates, _moved_table(table, shift), asked.picked)
+    table, candidates = _candidates(elastic, asked, errors, band)
     by_hand = [c.reason == CHOSEN_BY_USER for c in candidates]
     chosen = np.flatnonzero([c.chosen for c in candidates])
     if not len(chosen):
         raise NoModesChosen("identify.no-poles", _moved_table(table, shift), candidates, whole)
-    start, terms = chosen_poles(candidates, table).poles, terms_outside(asked)
+    start, terms = chosen_poles(candidates, table).poles, outside_terms(shift)
     lines = of_record if of_record is None or asked.band_hz is None else of_record.inside(*band)
     fitted, known = (elastic, errors) if lines is None else (lines.frfs, None)
 
@@ -254,7 +263,7 @@ def _identified(
         motion = fit.measured if lines.width and asked.rigid is None else motion
     of_system = _system(motion, fit, band, asked)
     if shift:
-        fit, of_system = replace(fit, poles=fit.poles + shift), _moved_system(of_system, shift)
+        fit, of_system = replace(fit, poles=fit.poles + shift), fit_with_window(of_system, -shift)
         table = _moved_table(table, shift)
         candidates = tuple(_moved(one, table) for one in candidates)
     try:
@@ -264,13 +273,14 @@ def _identified(
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
     clusters = tuple(chosen[fit.begun_at[fit.reported]].tolist())
     used = whole if of_record is None else fit.measured
-    quality = fit_quality(_with_window(system, shift).frf(used.freq_hz), used)
+    told = _growing(fit, shift)
+    quality = fit_quality(with_window(system, shift).frf(used.freq_hz), used)
     remarks = (*kept, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic)), white))
     shapes, labels = leading_shapes(fit), whole.responses.labels()
     step_s = 1.0 / (_SAMPLES_PER_PERIOD * float(whole.freq_hz[-1]))
     late = late_notices(shapes, freq_and_damping(fit.poles[fit.reported])[0], labels, step_s, counted=False)
     phases = late or quadrature_notices(shapes, labels)
-    notices = (*left, *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates, errors))
+    notices = (*left, *told, *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates, errors))
     return IdentifiedModes(
         modes=as_modes(fit, asked.real, tuple(candidates[i].name or str(r + 1) for r, i in enumerate(clusters))),
         system=system,
@@ -286,7 +296,26 @@ def _identified(
     )
 
 
-def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
+def _candidates(
+    elastic: FrfSet, asked: InputKnown, errors: NDArray[np.float64] | None, band: tuple[float, float]
+) -> tuple[PoleTable, tuple[Candidate, ...]]:
+    """All poles of all methods and orders, and their clusters with the choice of modes among them."""
+    largest, methods = asked.largest_order, asked.methods
+    if asked.order is not None:
+        largest, methods = max(largest, asked.order), tuple(dict.fromkeys((FIXED_ORDER, *methods)))
+    table = join_tables([_poles(elastic, method, largest, errors) for method in methods])
+    limits = replace(asked.limits, band_hz=band)
+    candidates = choose(table, limits, asked.rule)
+    candidates = without_poles_of_noise(candidates, table, elastic, 0.5 * asked.rule.share)
+    if asked.order is not None:
+        candidates = poles_of_order(candidates, table, FIXED_ORDER, asked.order, limits)
+    candidates = change_choice(candidates, asked.take, asked.drop)
+    if asked.picked:
+        candidates = pick_poles(candidates, _moved_table(table, asked.decay), asked.picked)
+    return table, candidates
+
+
+def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: OutsideTerms) -> ModalFit:
     """The fit to all lines of a record, shown beside its functions.
 
     Means over lines would blur sharp peaks, and a response that the end of the record cuts off has other functions.
@@ -305,28 +334,37 @@ def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tu
     return replace(fit, measured=frfs, synthesised=synthesised)
 
 
-def _without_window(frfs: FrfSet, shift: float) -> FrfSet:
-    """Functions (iω)^d Σ R/(iω + σ − λ) of those with an exponential window, (iω + σ)^d Σ R/(iω + σ − λ).
+def _weak_window(frfs: FrfSet, decay: float) -> tuple[Notice, ...]:
+    """A warning of a window that hardly falls in a record of 1/Δf seconds, as with a time constant in ms."""
+    if not decay or len(frfs.freq_hz) < 2:
+        return ()
+    seconds = 1.0 / float(np.median(np.diff(frfs.freq_hz)))
+    end = float(np.exp(-decay * seconds))
+    if end < _HARDLY_FALLS:
+        return ()
+    return (Notice("identify.window-weak", seconds=1.0 / decay, block=seconds, end=100.0 * end),)
 
-    The window moves s = iω to iω + σ, σ = 1/τ. They are a sum of modes again, with poles λ − σ and the same residues.
-    """
+
+def _growing(fit: ModalFit, shift: float) -> tuple[Notice, ...]:
+    """A warning of modes that grow where the damping of the window has been taken away, by more than chance."""
     if not shift:
-        return frfs
-    s = 2j * np.pi * frfs.freq_hz
-    return replace(frfs, values=frfs.values * (s / (s + shift)) ** KINDS.index(frfs.kind))
-
-
-def _with_window(system: StateSpace, shift: float) -> StateSpace:
-    """The system whose functions at iω are those of the given one at iω + σ."""
-    return replace(system, A=system.A - shift * np.eye(len(system.A)))
+        return ()
+    sd = np.sqrt(np.maximum(np.diag(fit.pole_covariance)[: len(fit.poles)], 0.0))
+    grow = fit.reported & (fit.poles.real > _GROWS * sd)
+    if not grow.any():
+        return ()
+    hertz = ", ".join(f"{f:.4g} Hz" for f in freq_and_damping(fit.poles[grow])[0][:5])
+    decays = shift - fit.poles.real[fit.reported]
+    return (
+        Notice(
+            "identify.window-too-strong", count=int(grow.sum()), modes=int(fit.reported.sum()), names=hertz,
+            seconds=1.0 / shift, least=1.0 / float(decays.min()),
+        ),
+    )  # fmt: skip
 
 
 def _moved_table(table: PoleTable, shift: float) -> PoleTable:
     return replace(table, poles=table.poles + shift)
-
-
-def _moved_system(found: SystemFit, shift: float) -> SystemFit:
-    return replace(found, system=_with_window(found.system, -shift), poles=found.poles + shift)
 
 
 def _moved(one: Candidate, table: PoleTable) -> Candidate:
@@ -349,13 +387,10 @@ def _poles(frfs: FrfSet, method: str, order: int, sd: NDArray[np.float64] | None
     return plscf_poles(normal_equations(frfs, order // 2, sd), range(2, order // 2 + 1))
 
 
-def terms_outside(asked: InputKnown) -> tuple[str, ...]:
-    """Out-of-band terms: a mass line below the band only if rigid-body motion remains there."""
-    return OUT_OF_BAND if asked.rigid is None else ("upper",)
-
-
 def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: InputKnown) -> SystemFit:
-    return system_beyond(elastic, fit.poles, band, asked.low, asked.high, reciprocal=asked.reciprocal)
+    return system_beyond(
+        elastic, fit.poles, band, asked.low, asked.high, reciprocal=asked.reciprocal, decay=asked.decay
+    )
 
 
 def _ends(

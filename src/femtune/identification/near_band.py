@@ -17,6 +17,7 @@ from scipy.special import chdtri
 from femtune.arrays import Complexes, Flags, Reals
 from femtune.identification.join import at_lines
 from femtune.identification.modal_fit import NO_POLES, ModalFit, deviance_at, fit_modes
+from femtune.identification.modal_solve import OutsideTerms
 from femtune.identification.whole_record import WholeRecord
 from femtune.modal import FrfSet, freq_and_damping, pole_of
 
@@ -28,6 +29,8 @@ MOST = 3
 """Modes on one side of the band."""
 _LEAST_DAMPING = 1e-3
 """Damping ratio of a trial pole beyond the band at least, where the poles of the band have next to none."""
+_MOST_DAMPING = 0.9
+"""Damping ratio of a trial pole at most."""
 APART = 0.1
 """Distance of two neighbours in half bandwidths below which they are one."""
 ENOUGH_LINES = 3000
@@ -42,7 +45,7 @@ def fit_with_neighbours(
     frfs: FrfSet,
     start: Complexes,
     sd: Reals | None,
-    terms: tuple[str, ...],
+    terms: OutsideTerms,
     whole: WholeRecord | None = None,
     known: Complexes = NO_POLES,
 ) -> ModalFit:
@@ -89,7 +92,7 @@ class _Search:
     frfs: FrfSet
     start: Complexes
     sd: Reals | None
-    terms: tuple[str, ...]
+    terms: OutsideTerms
     whole: WholeRecord | None
 
     def fit(self, inside: Complexes, neighbours: Complexes, below: float) -> ModalFit | None:
@@ -147,7 +150,7 @@ class _Search:
         gaps = np.array(GAPS)
         at = lines[-1] * (1.0 + gaps) if above else lines[0] * (1.0 - gaps)
         typical = max(float(np.median(freq_and_damping(self.start)[1])), _LEAST_DAMPING)
-        damping = (typical, 4.0 * typical) if more else (typical,)
+        damping = [min(one, _MOST_DAMPING) for one in ((typical, 4.0 * typical) if more else (typical,))]
         return pole_of(np.repeat(at, len(damping)), np.tile(damping, len(at)))
 
     def _inside(self, fit: ModalFit) -> Complexes:

@@ -8,7 +8,7 @@ from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Reals
 from femtune.identification.modal_fit import NO_POLES, ModalFit
-from femtune.identification.modal_solve import LEAST_NOISE, modal_basis, real_rows
+from femtune.identification.modal_solve import LEAST_NOISE, OutsideTerms, modal_basis, real_rows
 from femtune.identification.near_band import fit_with_neighbours
 from femtune.identification.shapes import without_noise
 
@@ -26,7 +26,7 @@ _MOST_LEVERAGE = 0.95
 """Leverage of a value at most."""
 
 
-def with_noise_by_magnitude(fit: ModalFit, start: Complexes, terms: tuple[str, ...]) -> ModalFit:
+def with_noise_by_magnitude(fit: ModalFit, start: Complexes, terms: OutsideTerms) -> ModalFit:
     """The fit with the noise of each function as its errors show it: a floor and a part of its magnitude.
 
     Modes outside the band are looked for again as long as the noise changes: what one level takes for noise at the
@@ -51,7 +51,7 @@ def with_noise_by_magnitude(fit: ModalFit, start: Complexes, terms: tuple[str, .
     return fit
 
 
-def noise_by_magnitude(fit: ModalFit, terms: tuple[str, ...]) -> Reals | None:
+def noise_by_magnitude(fit: ModalFit, terms: OutsideTerms) -> Reals | None:
     """(n, u, k) standard deviations √E|error|² of a floor and a part of the magnitude of each function.
 
     Parameters
@@ -108,7 +108,7 @@ def _likeliest(error: Reals, power: Reals, free: Reals) -> Reals:
     return np.asarray(variance)
 
 
-def _leverage(fit: ModalFit, terms: tuple[str, ...]) -> Reals:
+def _leverage(fit: ModalFit, terms: OutsideTerms) -> Reals:
     """(F, k) part of the error of each value that residues and terms of its function hide."""
     k = len(fit.measured.freq_hz)
     columns = modal_basis(fit.measured.freq_hz, fit.poles, fit.measured.kind, terms).columns

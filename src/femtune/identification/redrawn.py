@@ -27,9 +27,18 @@ from scipy.linalg import qr
 from femtune.arrays import Complexes, Flags, Reals
 from femtune.identification.kinds import Drawing
 from femtune.identification.modal_fit import ModalFit, fit_modes
-from femtune.identification.modal_solve import PartialFractions, Solved, modal_basis, real_rows, solve_residues
+from femtune.identification.modal_solve import (
+    OutsideTerms,
+    PartialFractions,
+    Solved,
+    modal_basis,
+    real_rows,
+    solve_residues,
+)
+from femtune.identification.rigid_body import rigid_body_motion, without_rigid_body
 from femtune.identification.shapes import as_modes
 from femtune.identification.state_space_fit import SystemFit, system_fit
+from femtune.identification.window import window_factor, without_window
 from femtune.modal import FrfSet, ModeSet, freq_and_damping, pole_of
 from femtune.modal.equalise import residue_factors
 
@@ -52,24 +61,30 @@ class RedrawnTest:
     Parameters
     ----------
     measured : (n, u, k) functions that were identified
-    fit, system : the fits of the poles and of the state-space model
+    fit, system : the fits of the poles and of the state-space model to these functions; with an exponential window the
+        poles have its damping, too
     terms : of the fit, for what lies outside the band
     moved : (M,) poles of the system that get the damping ratio
     damping_ratio : ζ of these
     freq_hz : (l,) lines of the equalised FRFs
     again : measured functions -> their equalised FRFs, by another identification
     roving : whether the shapes of the modes are at the references, as of a hammer that roves
+    decay : σ = 1/τ in rad/s of an exponential window e^{−t/τ} with which the functions were measured, 0 without one.
+        They are those of the structure at s = σ + iω, whose poles are those of the fits plus σ
+    rigid : mass-normalised rigid-body modes whose motion was taken away before the fits
     """
 
     measured: FrfSet
     fit: ModalFit
     system: SystemFit
-    terms: tuple[str, ...]
+    terms: OutsideTerms
     moved: Flags
     damping_ratio: float
     freq_hz: Reals
     again: Callable[[FrfSet], Complexes]
     roving: bool = False
+    decay: float = 0.0
+    rigid: ModeSet | None = None
 
     def with_fit(self, fit: ModalFit) -> RedrawnTest:
         """The same test with another fit of its poles, and the system that belongs to it.
@@ -77,7 +92,7 @@ class RedrawnTest:
         Poles beyond the band keep their damping, as those that stand for what lies there (errors as `system_fit`).
         """
         beyond = self.system.poles[len(self.fit.poles) :]
-        system = system_fit(self.measured, np.concatenate([fit.poles, beyond]))
+        system = system_fit(self._elastic(self.measured), np.concatenate([fit.poles, beyond]))
         moved = np.concatenate([~fit.outside, np.zeros(len(beyond), bool)])
         return replace(self, fit=fit, system=system, moved=moved)
 
@@ -91,8 +106,26 @@ class RedrawnTest:
         return self.modes_of(self.fit)
 
     def modes_of(self, fit: ModalFit) -> ModeSet:
-        """The modes of another fit of the same functions, at the same points."""
+        """The modes of another fit of the same functions, at the same points, without the window."""
+        fit = replace(fit, poles=fit.poles + self.decay)
         return as_modes(fit.transposed() if self.roving else fit)
+
+    def functions_at(self, freq_hz: Reals) -> Complexes:
+        """(n, u, lines) functions of the identified system as they are measured, with the window."""
+        elastic = self.system.system.frf(freq_hz).values
+        return (
+            elastic
+            if self.rigid is None
+            else elastic + rigid_body_motion(self.rigid, self.measured, freq_hz, self.decay)
+        )
+
+    def _elastic(self, frfs: FrfSet) -> FrfSet:
+        """Functions without rigid-body motion, as the system repeats them."""
+        return frfs if self.rigid is None else without_rigid_body(frfs, self.rigid, self.decay)
+
+    def _to_fit(self, frfs: FrfSet) -> FrfSet:
+        """Functions as the modal fit repeats them."""
+        return without_window(self._elastic(frfs), self.decay)
 
     # ------------------------------------------------------------------------------------------------
     # Draws.
@@ -123,7 +156,7 @@ class RedrawnTest:
     @cached_property
     def errors(self) -> Complexes:
         """(n, u, k) measured functions less those of the system, divided by √(1 − h)."""
-        left = self.measured.values - self.system.system.frf(self.measured.freq_hz).values
+        left = self.measured.values - self.functions_at(self.measured.freq_hz)
         return np.asarray(left / np.sqrt(1.0 - np.minimum(self.leverage, _MOST_LEVERAGE)))
 
     @cached_property
@@ -155,7 +188,8 @@ class RedrawnTest:
 
     def functions(self, change: Complexes) -> Complexes:
         """(n, u, l) equalised FRFs of changed measured ones, to first order in poles, shapes and participations."""
-        step = self._poles.step(change.reshape(-1, self.lines))
+        unit = window_factor(self.measured.freq_hz, self.measured.kind, self.decay)
+        step = self._poles.step((change * unit).reshape(-1, self.lines))
         residues, direct = self._ends.step(change - self._by_poles(step, self._measured_slopes))
         # poles that keep their damping are outside the band or badly known: they are followed to first order only
         step = np.concatenate([step, np.zeros(len(self.moved) - len(step))])
@@ -171,9 +205,9 @@ class RedrawnTest:
         neighbours = self.fit.poles[self.fit.outside]
         own = self.fit.line_sd
         sd = np.broadcast_to(self.fit.sd[:, :, None], changed.values.shape) if own is None else own
-        fit = fit_modes(changed, self.fit.poles[inside], sd, self.terms, neighbours=neighbours)
+        fit = fit_modes(self._to_fit(changed), self.fit.poles[inside], sd, self.terms, neighbours=neighbours)
         poles = np.concatenate([fit.poles, self.system.poles[len(fit.poles) :]])
-        system = system_fit(changed, poles, start=self.system.participations)
+        system = system_fit(self._elastic(changed), poles, start=self.system.participations)
         return self._equalised(system.poles, _outer(system.shapes, system.participations), system.system.D)
 
     def identified_again(self, change: Complexes) -> Complexes:
@@ -182,7 +216,7 @@ class RedrawnTest:
 
     def changed(self, change: Complexes) -> FrfSet:
         """The functions of the system with a change, which is all that noise does to them."""
-        return replace(self.measured, values=self.system.system.frf(self.measured.freq_hz).values + change)
+        return replace(self.measured, values=self.functions_at(self.measured.freq_hz) + change)
 
     @cached_property
     def equalised(self) -> Complexes:
@@ -190,12 +224,15 @@ class RedrawnTest:
         return self._equalised(self.system.poles, self._residues, self.system.system.D)
 
     def _equalised(self, poles: Complexes, residues: Complexes, direct: Reals) -> Complexes:
-        to = np.array(poles)
-        to[self.moved] = pole_of(freq_and_damping(poles[self.moved])[0], np.full(self.moved.sum(), self.damping_ratio))
-        scaled = residues * residue_factors(poles, to, self.measured.kind)
+        of_structure = poles + self.decay
+        to = np.array(of_structure)
+        hertz = freq_and_damping(of_structure[self.moved])[0]
+        to[self.moved] = pole_of(hertz, np.full(self.moved.sum(), self.damping_ratio))
+        scaled = residues * residue_factors(of_structure, to, self.measured.kind)
         i_omega = 2j * np.pi * self.freq_hz
         up, down = 1.0 / (i_omega - to[:, None]), 1.0 / (i_omega - to.conj()[:, None])
-        return np.asarray(scaled @ up + scaled.conj() @ down + direct[:, :, None])
+        elastic = np.asarray(scaled @ up + scaled.conj() @ down + direct[:, :, None])
+        return elastic if self.rigid is None else elastic + rigid_body_motion(self.rigid, self.measured, self.freq_hz)
 
     @cached_property
     def _residues(self) -> Complexes:
@@ -209,22 +246,22 @@ class RedrawnTest:
 
     @cached_property
     def _measured_slopes(self) -> tuple[Complexes, Complexes]:
-        return self._slopes_at(self.measured.freq_hz)
+        return self._slopes_at(self.measured.freq_hz, self.system.poles)
 
     @cached_property
     def _slopes(self) -> tuple[Complexes, Complexes]:
-        return self._slopes_at(self.freq_hz)
+        return self._slopes_at(self.freq_hz, self.system.poles + self.decay)
 
-    def _slopes_at(self, freq_hz: Reals) -> tuple[Complexes, Complexes]:
+    def _slopes_at(self, freq_hz: Reals, poles: Complexes) -> tuple[Complexes, Complexes]:
         """(M, lines) derivatives of 1/(iω − λ) and of 1/(iω − λ*) by the pole and by its conjugate."""
-        i_omega, poles = 2j * np.pi * freq_hz, self.system.poles[:, None]
+        i_omega, poles = 2j * np.pi * freq_hz, poles[:, None]
         return np.asarray(1.0 / (i_omega - poles) ** 2), np.asarray(1.0 / (i_omega - poles.conj()) ** 2)
 
     @cached_property
     def _poles(self) -> _PoleSteps:
         freq, fit = self.measured.freq_hz, self.fit
         basis = modal_basis(freq, fit.poles, self.measured.kind, self.terms)
-        values, m = self.measured.values.reshape(-1, len(freq)), len(fit.poles)
+        values, m = self._to_fit(self.measured).values.reshape(-1, len(freq)), len(fit.poles)
         weights = None if fit.line_sd is None else np.sqrt(2.0) / fit.line_sd.reshape(values.shape)
         solved = solve_residues(values, basis, weights, m)
         if weights is None:
@@ -239,7 +276,7 @@ class RedrawnTest:
         i_omega = 2j * np.pi * self.measured.freq_hz[:, None]
         up, down = 1.0 / (i_omega - self.system.poles), 1.0 / (i_omega - self.system.poles.conj())
         columns = np.hstack([up + down, 1j * (up - down)])
-        squares = np.mean(np.abs(self.measured.values) ** 2, axis=(1, 2))
+        squares = np.mean(np.abs(self._elastic(self.measured).values) ** 2, axis=(1, 2))
         return _end_steps(columns, self.system, 1.0 / np.where(squares > 0.0, squares, 1.0))
 
 

@@ -7,28 +7,36 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from femtune.arrays import Reals
+from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
 from femtune.modal import FrfSet, ModeSet, StateSpace
 from femtune.modal.frf_set import KINDS
 
 
-def without_rigid_body(frfs: FrfSet, rigid: ModeSet) -> FrfSet:
-    """H − Σ φφᵀ(iω)^{d−2}, d being 0, 1, 2 for receptance, mobility, accelerance.
+def without_rigid_body(frfs: FrfSet, rigid: ModeSet, decay: float = 0.0) -> FrfSet:
+    """The functions less `rigid_body_motion` at their lines; arguments and errors as there."""
+    return replace(frfs, values=frfs.values - rigid_body_motion(rigid, frfs, frfs.freq_hz, decay))
+
+
+def rigid_body_motion(rigid: ModeSet, of: FrfSet, freq_hz: Reals, decay: float = 0.0) -> Complexes:
+    """(n, u, k) Σ φφᵀ s^{d−2} at s = σ + iω, d being 0, 1, 2 for receptance, mobility, accelerance.
 
     Parameters
     ----------
     rigid : mass-normalised rigid-body modes of the free structure, as a model has them, at all responses and references
+    of : functions with these responses and references, and their kind
+    freq_hz : (k,) lines
+    decay : σ in rad/s
 
     Raises
     ------
     FemtuneError : ``identify.rigid-modes`` where they are not mass-normalised, ``dof.missing``
     """
-    out, into = _ends(rigid, frfs)
-    i_omega = 2j * np.pi * frfs.freq_hz
-    factor = np.where(i_omega == 0.0, np.nan, i_omega) ** (KINDS.index(frfs.kind) - 2)
-    factor = np.ones_like(i_omega) if frfs.kind == "accelerance" else factor
-    return replace(frfs, values=frfs.values - (out @ into.T)[:, :, None] * factor)
+    out, into = _ends(rigid, of)
+    s = decay + 2j * np.pi * freq_hz
+    factor = np.where(s == 0.0, np.nan, s) ** (KINDS.index(of.kind) - 2)
+    factor = np.ones_like(s) if of.kind == "accelerance" else factor
+    return np.asarray((out @ into.T)[:, :, None] * factor)
 
 
 def with_rigid_body(system: StateSpace, rigid: ModeSet) -> StateSpace:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
@@ -46,8 +47,16 @@ class Asked(Protocol):
         """The FRFs of the test; None if it has none."""
         ...
 
-    def equalised(self) -> EqualisedTest | None:
-        """These FRFs with one damping ratio, identified once, if the study requests it; errors ``identify.*``."""
+    @property
+    def decay(self) -> float:
+        """1/τ of the exponential window with which the FRFs were made, rad/s; 0 without one."""
+        ...
+
+    def equalised(self, rigid: Callable[[FrfSet], ModeSet] | None = None) -> EqualisedTest | None:
+        """These FRFs with one damping ratio, identified once, if the study requests it; errors ``identify.*``.
+
+        `rigid` gives the rigid-body modes of the model at the channels of functions, where the study takes them away.
+        """
         ...
 
     @property

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from femtune.correlation import map_sensors, rigid_motion_sensor
 from femtune.correlation.generalised import GeneralisedSensor
 from femtune.dofs import DIRECTIONS, parse_dof
-from femtune.errors import FemtuneError, Notice
+from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.described_test import described_test
 from femtune.files.deviations import with_deviations
 from femtune.files.frequency_table import frequencies_alone
@@ -34,7 +34,6 @@ from femtune.units import unit_system
 if TYPE_CHECKING:
     from femtune.correlation import SensorMap
     from femtune.dofs import DofSet
-    from femtune.errors import Where
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, HoldOutEntry, StudyFile
     from femtune.files.uff import UffContent
@@ -61,7 +60,7 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
     _check_coordinates(file, structure)
     with errors_at(place_of(file, entry, "test")), with_keys(file, entry, test, structure):
         all_sensors = sensor_map(file, test, structure)
-    functions, worst = _held_functions(file, entry, test.frfs)
+    functions, worst = _held_functions(file, entry, test)
     held = HeldOut(functions=functions)
     case = replace(case, test=test, sensors=all_sensors, all_sensors=all_sensors, held=held)
     notices = (*notices, *all_sensors.notices, *worst, *_of_frfs(file, entry, test.frfs))
@@ -135,7 +134,7 @@ def _of_frfs(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None) ->
 
 
 def _held_functions(
-    file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None
+    file: StudyFile, entry: ConfigurationEntry, test: ModalTest
 ) -> tuple[frozenset[tuple[int, int]], tuple[Notice, ...]]:
     """FRFs of outputs or inputs that a table names (between them, where it names both), and of the worst outputs."""
     mine = [
@@ -145,6 +144,7 @@ def _held_functions(
         and one.configuration in (None, entry.name)
         and (one.outputs or one.inputs or one.worst is not None)
     ]
+    frfs = test.frfs
     if frfs is None:
         for i, one in mine:
             if one.configuration is not None or len(file.configurations) == 1:
@@ -154,7 +154,7 @@ def _held_functions(
     notices: list[Notice] = []
     for i, one in mine:
         if one.worst is not None:
-            held, notice = _worst(file, i, one, entry, frfs)
+            held, notice = _worst(file, i, one, entry, test, frfs)
             notices.append(notice)
             functions |= held
             continue
@@ -169,22 +169,19 @@ def _held_functions(
 
 
 def _worst(
-    file: StudyFile, i: int, one: HoldOutEntry, entry: ConfigurationEntry, frfs: FrfSet
+    file: StudyFile, i: int, one: HoldOutEntry, entry: ConfigurationEntry, test: ModalTest, frfs: FrfSet
 ) -> tuple[set[tuple[int, int]], Notice]:
     """Positions of the FRFs of the worst outputs, or inputs, and the notice of the choice (errors
     ``study.hold-out``)."""
-    from femtune.identification import InputKnown  # noqa: PLC0415  few studies ask for it
-    from femtune.identification.channel_quality import quality  # noqa: PLC0415
+    from femtune.identification.channel_quality import quality  # noqa: PLC0415  few studies ask for it
+    from femtune.study.identified_test import identification_of  # noqa: PLC0415
 
     if one.by == "coherence" and frfs.coherence is None:
         raise FemtuneError(
             "study.hold-out/no-coherence", where=file.where("hold_out", i, "by"), configuration=entry.name
         )
-    table, asked = file.equalise, None
-    if table is not None:
-        asked = InputKnown(table.band_hz, table.largest_order, take=table.take_hz, drop=table.drop_hz)
     with errors_at(file.where("hold_out", i, "by")):
-        ranking = quality(frfs, one.by, asked)
+        ranking = quality(frfs, one.by, identification_of(file, test))
     channels = "inputs" if ranking.of_inputs else "outputs"
     assert one.worst is not None
     if one.worst >= len(ranking.order):
@@ -294,10 +291,14 @@ def _read_test(
             units = unit_system(entry.test_units) if entry.test_units else file.study.unit_system
             unplaced = convert_units(read_shape_table(paths[0], units, entry.name), file.study.unit_system)
         else:
-            unplaced = _content(file, entry, _parsed(paths, tests)).test
+            unplaced = _joined(_content(file, entry, _parsed(paths, tests)))
         unplaced = scaled_coordinates(_with_deviations(file, entry, unplaced), entry.coordinate_factor)
         test = place(unplaced, entry.rotation, entry.origin, allow_mirrored=entry.left_handed)
         notices = (*unplaced.notices, *check_test(test))
+    if test.frfs is not None:
+        from femtune.study.identified_test import window_of_test  # noqa: PLC0415  few tests have functions
+
+        test = replace(test, exponential_s=window_of_test(file, entry.name, test))
     if test.modes is None:
         return test, notices
     modes = real_modes(test.modes).modes
@@ -314,6 +315,22 @@ def measured_frequencies(file: StudyFile) -> ModalTest:
 def _parsed(paths: list[Path], tests: dict[Path, UffFile]) -> UffFile:
     """One file, or several files of one test."""
     return tests.setdefault(paths[0], UffFile(paths[0])) if len(paths) == 1 else UffFile(paths[0], tuple(paths[1:]))
+
+
+def _joined(content: UffContent) -> ModalTest:
+    """The test of a file, with FRFs of several sets of lines as one, if they are of one kind."""
+    sets = content.frf_sets
+    if len(sets) < 2 or len({frfs.kind for frfs in sets}) > 1:
+        return content.test
+    from femtune.identification.join import join_ranges  # noqa: PLC0415  few tests have several sets
+
+    frfs = join_ranges(sets)
+    ranges = ", ".join(f"{len(one.freq_hz)} lines from {one.freq_hz[0]:g} to {one.freq_hz[-1]:g} Hz" for one in sets)
+    told = Notice(
+        "test.joined-frfs", level="info", where=Where(content.test.source), sets=ranges, lines=len(frfs.freq_hz)
+    )
+    others = (n for n in content.test.notices if n.code != "uff.several-frf-sets")
+    return replace(content.test, frfs=frfs, notices=(*others, told))
 
 
 def _with_deviations(file: StudyFile, entry: ConfigurationEntry, test: ModalTest) -> ModalTest:

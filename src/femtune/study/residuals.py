@@ -13,16 +13,17 @@ import scipy.sparse as sp
 from femtune.correlation import sensor_placement
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, did_you_mean
 from femtune.files.study_file.residual import FrfResidual as FrfEntry
-from femtune.identification import InputKnown, check_equalised_lines, equalised_test
+from femtune.identification import check_equalised_lines, equalised_test
 from femtune.kinds import loaded
 from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
 from femtune.residuals.frf.lines import Band
 from femtune.residuals.own import own_residual
 from femtune.study.axes import named_axis, sensor_axis
 from femtune.study.error_places import errors_at
+from femtune.study.identified_test import identification_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from femtune.arrays import Reals
     from femtune.correlation import SensorPlacement
@@ -82,14 +83,21 @@ class AskedOf:
         """The measured FRFs, NaN where they are held out."""
         return self.case.used_frfs
 
-    def equalised(self) -> EqualisedTest | None:
+    @property
+    def decay(self) -> float:
+        """1/τ of the exponential window of the measured FRFs in rad/s; 0 without one."""
+        return 0.0 if self.case.test is None else self.case.test.decay
+
+    def equalised(self, rigid: Callable[[FrfSet], ModeSet] | None = None) -> EqualisedTest | None:
         """The measured FRFs with equal damping ratios, if the study has [equalise]; they are identified once."""
         table, test = self.file.equalise, self.case.test
         if table is None or test is None or test.frfs is None:
             return None
         if "equalised" not in self.shared:
-            asked = InputKnown(table.band_hz, table.largest_order, take=table.take_hz, drop=table.drop_hz)
+            with errors_at(self.file.where("equalise", "rigid_body")):
+                modes = rigid(test.frfs) if table.rigid_body and rigid is not None else None
             with errors_at(self.file.where("equalise")):
+                asked = identification_of(self.file, test, modes)
                 equalised = equalised_test(test.frfs, table.damping, asked, table.lines, table.leave_out_hz)
             self.shared["equalised"] = replace(equalised, frfs=self.case.without_held(equalised.frfs))
         return self.shared["equalised"]
@@ -168,7 +176,9 @@ def _compared_lines(file: StudyFile, case: StudyCase) -> Reals | None:
     if table is None:
         return case.test.frfs.freq_hz
     with errors_at(file.where("equalise")):
-        return check_equalised_lines(case.test.frfs, table.damping, table.band_hz, table.lines, table.leave_out_hz)
+        # its options are checked
+        identification_of(file, case.test)
+        return check_equalised_lines(case.test.frfs, table.damping, table.band_hz, table.lines, table.not_compared_hz)
 
 
 def _check_band(entry: object, lines_hz: Reals | None) -> None:

@@ -51,7 +51,10 @@ _MOST_VALUES = 200_000_000
 
 @dataclass(frozen=True, eq=False)
 class ResponseRequest:
-    """Ports and lines of a configuration; `measured` has the outputs, inputs and kind of the request, NaN elsewhere."""
+    """Ports and lines of a configuration; `measured` has the outputs, inputs and kind of the request, NaN elsewhere.
+
+    `decay` is σ in rad/s where the model's functions are wanted at σ + iω, as an exponential window makes them.
+    """
 
     case: StudyCase
     table: ResponseTable
@@ -62,6 +65,7 @@ class ResponseRequest:
     damping: ModalDamping | None
     measured: FrfSet | None
     notices: tuple[Notice, ...]
+    decay: float = 0.0
 
     @property
     def method(self) -> FrfMethod:
@@ -208,7 +212,7 @@ def _compared(file: StudyFile, frfs: FrfSet) -> FrfSet:
     if file.equalise is None:
         return frfs
     out = np.zeros(len(frfs.freq_hz), bool)
-    for low, high in file.equalise.leave_out_hz:
+    for low, high in file.equalise.not_compared_hz:
         out |= (frfs.freq_hz >= low) & (frfs.freq_hz <= high)
     return replace(frfs, values=np.where(out, complex(np.nan, np.nan), frfs.values))
 
@@ -279,7 +283,8 @@ def solved_frfs(
         model = modes() if request.needs_modes else point
         solved = frf_with_error(
             model, ports, request.freq_hz, table.kind, request.method, damping=request.damping,
-            residual_vectors=table.residual_vectors, add_vectors=not request.limit, progress=progress,
+            residual_vectors=table.residual_vectors, add_vectors=not request.limit, decay=request.decay,
+            progress=progress,
         )  # fmt: skip
         return np.ascontiguousarray(solved.frfs.values), solved.error
 
@@ -290,6 +295,8 @@ def parts_of_frfs(request: ResponseRequest, point: ModelPoint) -> tuple[Part, ..
     """All that FRFs of a model point depend on."""
     table = request.table
     parts = (table.kind, request.method, table.residual_vectors, request.freq_hz, *_of_ports(request.ports))
+    if request.decay:
+        parts = (*parts, request.decay)
     # the same number of modes may be what the lines need, to which vectors are added, or what the study states
     return (_matrices(point), *_chosen(request, point), request.limit, *parts)
 

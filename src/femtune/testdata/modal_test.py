@@ -137,6 +137,8 @@ class ModalTest:
     geometry : geometry of the test (empty if the source has none)
     sensors : sensors with known position, each label once
     modes, frfs : the identified modes and the measured functions, or None
+    exponential_s : time constant τ in s of the exponential window e^{−t/τ} with which the functions were made; None
+        without one
     conditions : further information on the test, by name
     source : its file
     notices : notices of the reader
@@ -162,6 +164,12 @@ class ModalTest:
     conditions: tuple[tuple[str, str], ...] = ()
     source: str = ""
     notices: tuple[Notice, ...] = ()
+    exponential_s: float | None = None
+
+    @property
+    def decay(self) -> float:
+        """1/τ of this window in rad/s; 0 without one."""
+        return 0.0 if self.exponential_s is None else 1.0 / self.exponential_s
 
     def __post_init__(self) -> None:
         seen: set[tuple[int, str]] = set()

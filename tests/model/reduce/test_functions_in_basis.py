@@ -100,14 +100,14 @@ def ports_of(model: ConfiguredModel) -> Ports:
 
 def in_basis(
     model: ConfiguredModel, x: NDArray, lines: NDArray, damping: ModalDamping | None, damped: int,
-    left_out: tuple[int, ...] = (),
+    left_out: tuple[int, ...] = (), decay: float = 0.0,
 ) -> FunctionsInBasis:  # fmt: skip
     """On a basis of all motions, turned at random."""
     basis = la.qr(np.random.default_rng(3).standard_normal((model.n_free, model.n_free)))[0]
     ports = ports_of(model)
     on = BasisPorts(basis.T @ ports.inputs.toarray(), ports.outputs @ basis)
     modes = reduced_modes(reduce_model(model, basis).at(x), model.n_free)
-    return reduced_functions(modes, on, 2j * np.pi * lines, damped, damping, left_out=left_out)
+    return reduced_functions(modes, on, decay + 2j * np.pi * lines, damped, damping, left_out=left_out)
 
 
 @pytest.mark.quick(0, gate=20)
@@ -179,6 +179,20 @@ def test_far_modes_are_interpolated_over_many_lines() -> None:
     found = in_basis(model, APART, lines, constant_damping(0.02), 2)
     values, gradient = np.moveaxis(full.frfs.values, -1, 0), np.moveaxis(full.gradient, 2, 0)
     assert np.abs(found.values / values - 1.0).max() < 1e-8
+    np.testing.assert_allclose(found.gradient, gradient, atol=1e-8 * np.abs(gradient).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damped", DAMPED)
+def test_functions_with_an_exponential_window_are_those_of_the_full_model(damped: str) -> None:
+    """Many lines, so that the far modes are interpolated where no damping couples the modes."""
+    model, lines, decay = ring(damped), np.geomspace(0.05, 0.3, 60), 0.2
+    modes = solve_modes(model.at(APART), 2)
+    damping = constant_damping(0.02)
+    full = frf_gradient(modes, ports_of(model), lines, "receptance", "direct", damping=damping, decay=decay)
+    found = in_basis(model, APART, lines, damping, 2, decay=decay)
+    values, gradient = np.moveaxis(full.frfs.values, -1, 0), np.moveaxis(full.gradient, 2, 0)
+    np.testing.assert_allclose(found.values, values, atol=1e-8 * np.abs(values).max())
     np.testing.assert_allclose(found.gradient, gradient, atol=1e-8 * np.abs(gradient).max())
 
 

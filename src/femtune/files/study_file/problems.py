@@ -123,7 +123,7 @@ def _unknown_key(finding: ErrorDetails, place: Place, source: StudyLines, model:
         place,
         "study.unknown-key",
         {},
-        hint=_place_of_test_key(place, model) or did_you_mean(str(place[-1]), known),
+        hint=_place_of_test_key(place, model) or _of_choices(place, model) or did_you_mean(str(place[-1]), known),
         key=place[-1],
         table=_table(place[:-1], source),
     )
@@ -138,6 +138,17 @@ def _place_of_test_key(place: Place, model: type[BaseModel]) -> str:
     if place[-1] not in _OF_TEST or model.__name__ != "StudyFile":
         return ""
     return f"move the line below [test], or the [[configuration]] of the test: '{place[-1]}' is a key of these tables"
+
+
+_OF_CHOICES = ("pair", "never_pair", "sensor_off")
+"""Tables of a file of choices, which a page saves, that are none of a study."""
+
+
+def _of_choices(place: Place, model: type[BaseModel]) -> str:
+    """What to do with tables of a file of choices that were pasted into a study; "" for other keys and files."""
+    if len(place) != 1 or place[0] not in _OF_CHOICES or model.__name__ != "StudyFile":
+        return ""
+    return f"[[{place[0]}]] belongs to a file of choices: save it as choices.toml and give --choices choices.toml"
 
 
 def _list_of_tables(place: Place, model: type[BaseModel]) -> bool:

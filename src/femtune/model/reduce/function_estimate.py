@@ -47,12 +47,14 @@ class FunctionsWanted:
     freq_hz : (k,) lines above 0 Hz
     damped : number of modes that modal damping acts on
     damping : modal damping besides that of the model
+    decay : σ in rad/s of s = σ + iω
     """
 
     ports: Ports
     freq_hz: Reals
     damped: int
     damping: DampingRatios | None = None
+    decay: float = 0.0
 
     @cached_property
     def forces(self) -> sp.csc_array:
@@ -61,10 +63,10 @@ class FunctionsWanted:
 
     @cached_property
     def s(self) -> Complexes:
-        """iω of lines spread over all of them."""
+        """σ + iω of lines spread over all of them."""
         count = len(self.freq_hz)
         at = np.unique(np.linspace(0, count - 1, min(count, _MOST_LINES)).round().astype(int))
-        return np.asarray(2j * np.pi * self.freq_hz[at])
+        return np.asarray(self.decay + 2j * np.pi * self.freq_hz[at])
 
     @cached_property
     def fewer(self) -> slice:

@@ -61,12 +61,12 @@ def reduced_functions(
     derivatives: bool = True,
     left_out: Sequence[int] = (),
 ) -> FunctionsInBasis:
-    """Receptances of a reduced model at s = iω.
+    """Receptances of a reduced model at s = σ + iω.
 
     Parameters
     ----------
     modes : all modes of the reduced model at a point
-    s : (k,) iω, ω > 0
+    s : (k,) σ + iω, ω > 0, of one σ
     damped : number of modes, the lowest ones, that modal damping acts on
     damping : modal damping, besides that of the model; ratios that are values of the model take its place
     left_out : positions of modes whose own response is taken away, see `femtune.model.response.frf_gradient`
@@ -321,7 +321,7 @@ def _nodes(s: Complexes) -> tuple[Complexes, Reals]:
     """
     if len(s) <= _CHEBYSHEV_POINTS:
         return s, np.eye(len(s))
-    low, high = s.imag.min(), s.imag.max()
+    decay, low, high = s.real[0], s.imag.min(), s.imag.max()
     angle = (2.0 * np.arange(_CHEBYSHEV_POINTS) + 1.0) * np.pi / (2.0 * _CHEBYSHEV_POINTS)
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
     gap = s.imag[:, None] - nodes
@@ -330,7 +330,7 @@ def _nodes(s: Complexes) -> tuple[Complexes, Reals]:
     turn = weights / weights.sum(axis=1, keepdims=True)
     met = hit.any(axis=1)
     turn[met] = hit[met]
-    return 1j * nodes, turn
+    return decay + 1j * nodes, turn
 
 
 def _interpolated(turn: Reals, values: Complexes) -> Complexes:

@@ -448,6 +448,7 @@ def covered(one: FunctionsWanted, other: FunctionsWanted) -> bool:
     return (
         one.freq_hz.max() <= _HIGHER_LINES * other.freq_hz.max()
         and one.damped == other.damped
+        and one.decay == other.decay
         and one.forces.shape == other.forces.shape
         and not (one.forces != other.forces).nnz
     )

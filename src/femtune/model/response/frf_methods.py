@@ -33,7 +33,7 @@ METHODS: tuple[FrfMethod, ...] = get_args(FrfMethod)
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """Checked request: `s` (k,) is iω, `factor` (k,) what turns receptance into the kind that is wanted."""
+    """Checked request: `s` (k,) is σ + iω, `factor` (k,) what turns receptance into the kind that is wanted."""
 
     stiffness: DynamicStiffness
     modes: EigenSolution | None
@@ -41,6 +41,7 @@ class Request:
     freq_hz: Reals
     kind: FrfKind
     method: FrfMethod
+    decay: float = 0.0
 
     def stiffness_at(self, s: complex) -> DynamicStiffness:
         """The dynamic stiffness with the values that tables over frequency have at s."""
@@ -51,12 +52,12 @@ class Request:
 
     @property
     def s(self) -> NDArray:
-        """iω."""
-        return 2j * np.pi * self.freq_hz
+        """σ + iω."""
+        return self.decay + 2j * np.pi * self.freq_hz
 
     @property
     def factor(self) -> NDArray:
-        """(iω)⁰, (iω)¹ or (iω)²."""
+        """s⁰, s¹ or s²."""
         return np.asarray(self.s ** KINDS.index(self.kind), dtype=np.complex128)
 
 
@@ -67,6 +68,7 @@ def checked_request(
     kind: FrfKind,
     method: FrfMethod,
     damping: DampingRatios | None,
+    decay: float = 0.0,
 ) -> Request:
     """The request, or an error that says what is wrong with it.
 
@@ -86,7 +88,7 @@ def checked_request(
         raise FemtuneError(code, method=method)
     check_ports(point, ports)
     damper = None if modes is None else modal_damper(modes, damping)
-    return Request(DynamicStiffness(point, damper), modes, ports, _lines(freq_hz), kind, method)
+    return Request(DynamicStiffness(point, damper), modes, ports, _lines(freq_hz), kind, method, decay)
 
 
 def _check_words(kind: str, method: str) -> None:
@@ -136,6 +138,7 @@ def frf(
     *,
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,
+    decay: float = 0.0,
     progress: Progress | None = None,
 ) -> FrfSet:
     """FRFs of a model between its ports, convention e^{iωt}.
@@ -148,6 +151,8 @@ def frf(
         "complex-modes" superposes as many complex modes, the poles and residues of the damped system
     damping : modal damping of the wanted modes, besides the dashpots and loss factors of the model
     residual_vectors : adds to the modes the static response to the inputs and to the forces of dashpots
+    decay : σ in rad/s; the functions are those at s = σ + iω, as forces and responses with an exponential window
+        e^{−σt} have them
 
     Returns
     -------
@@ -158,7 +163,7 @@ def frf(
     FemtuneError : codes ``response.*``, ``frf.kind``; ``response.resonance`` where a line is an undamped natural
         frequency, ``response.free-at-zero`` at 0 Hz where the structure is free
     """
-    request = checked_request(model, ports, freq_hz, kind, method, damping)
+    request = checked_request(model, ports, freq_hz, kind, method, damping, decay)
     if method == "direct":
         return as_frf_set(request, direct_receptance(request, progress))
     system = reduced_system(request, residual_vectors)

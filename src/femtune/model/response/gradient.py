@@ -57,6 +57,7 @@ def frf_gradient(
     residual_vectors: bool = True,
     derivatives: bool = True,
     left_out: Sequence[int] = (),
+    decay: float = 0.0,
     progress: Progress | None = None,
 ) -> FrfGradient:
     """FRFs and their derivatives; arguments and errors as of `frf`.
@@ -74,7 +75,7 @@ def frf_gradient(
     the modal sum, or of its subspace where damping couples them. They need a solution as `model` (error
     ``response.modes-needed``).
     """
-    request = checked_request(model, ports, freq_hz, kind, method, damping)
+    request = checked_request(model, ports, freq_hz, kind, method, damping, decay)
     count = request.stiffness.point.n_parameters if derivatives else 0
     if method == "direct":
         receptance, gradient = _direct(request, count, progress)

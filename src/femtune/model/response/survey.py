@@ -31,6 +31,7 @@ def survey_functions(
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,
     left_out: Sequence[int] = (),
+    decay: float = 0.0,
 ) -> Complexes:
     """(outputs, inputs, k) FRFs to look at, not to compare: which are zero, which have the wrong sign or size.
 
@@ -39,13 +40,13 @@ def survey_functions(
 
     Parameters
     ----------
-    model, ports, freq_hz, kind, method, damping, residual_vectors, left_out : as of `frf_gradient`
+    model, ports, freq_hz, kind, method, damping, residual_vectors, left_out, decay : as of `frf_gradient`
 
     Raises
     ------
     FemtuneError : as `frf`
     """
-    request = checked_request(model, ports, freq_hz, kind, method, damping)
+    request = checked_request(model, ports, freq_hz, kind, method, damping, decay)
     if method == "direct":
         B, points = ports.inputs.toarray(), map(complex, request.s)
         receptance = np.array([ports.outputs @ direct_fields(request.stiffness_at(s), s, B) for s in points])

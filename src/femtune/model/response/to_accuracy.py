@@ -82,13 +82,14 @@ def frf_with_error(
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,
     add_vectors: bool = True,
+    decay: float = 0.0,
     progress: Progress | None = None,
 ) -> WithError:
     """FRFs as of `frf`, with vectors that reduce the truncation error to `ACCURACY`, and the error.
 
     Parameters
     ----------
-    model, ports, freq_hz, kind, method, damping, residual_vectors, progress : as of `frf`
+    model, ports, freq_hz, kind, method, damping, residual_vectors, decay, progress : as of `frf`
     add_vectors : whether vectors are added; the modes must reach well above the lines. Else the error is found by
         direct solutions at a few lines, for models up to `MOST_DOFS_DIRECT` DOFs.
 
@@ -96,7 +97,7 @@ def frf_with_error(
     ------
     FemtuneError : as `frf`
     """
-    request = checked_request(model, ports, freq_hz, kind, method, damping)
+    request = checked_request(model, ports, freq_hz, kind, method, damping, decay)
     if method == "direct":
         return WithError(as_frf_set(request, direct_receptance(request, progress)), 0.0)
     system = reduced_system(request, residual_vectors)

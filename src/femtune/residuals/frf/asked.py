@@ -10,11 +10,13 @@ import numpy as np
 
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice, Where, did_you_mean
+from femtune.identification import EqualisedTest
 from femtune.identification.redrawn import RedrawnTest
-from femtune.modal import FrfSet
+from femtune.modal import FrfSet, ModeSet
 from femtune.model import ModalDamping, ModelPoint, constant_damping, damping_by_mode
 from femtune.model.kinds import FRF_METHODS
 from femtune.model.response import TIMES_HIGHEST_LINE
+from femtune.model.response.rigid import is_rigid
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState
 from femtune.residuals.frf.against_model import against_model
@@ -65,13 +67,16 @@ class AskedFrfs(AtFirstState):
         relative = relative_sd(entry.sd, entry.floor)
         scatter = FrfScatter(relative, entry.floor, entry.averages, _output_sd(asked, measured), _angles(entry))
         way = ModelWay(FRF_METHODS[entry.method], _wanted(entry), None, entry.residual_vectors, _limit(entry))
+        if asked.decay and entry.around == "resonances" and entry.aligned:
+            raise FemtuneError("residual.window-aligned", where=asked.where("aligned"), configuration=asked.name)
 
         def settle(state: CaseState) -> Settled:
-            used, damping, about = _equalised(asked, measured)
-            residual, told = _settled_functions(
-                entry, used, places, scatter, replace(way, damping=damping), (*notices, *about), state
-            )
-            test = asked.equalised()
+            test = asked.equalised(lambda frfs: _rigid_body(asked, state, frfs))
+            used, damping, about = _equalised(asked, measured, test)
+            about = (*_window(asked), *about)
+            # the window is taken out of identified functions
+            way_of = replace(way, damping=damping, decay=asked.decay if test is None else 0.0)
+            residual, told = _settled_functions(entry, used, places, scatter, way_of, (*notices, *about), state)
             if test is None:
                 return residual, (*told, *undamped(asked.name, state.full, damping))
             # lines of an identified test are free of the noise of single lines, which would bias their weights
@@ -120,7 +125,9 @@ class AskedAntiresonances(AtFirstState):
         entry = asked.entry
         measured, places, notices = _functions(asked)
         top = np.inf if entry.to_hz is None else entry.to_hz
-        search = ZeroSearch(entry.from_hz, top, entry.half_width, entry.depth, entry.most_damping, entry.above_noise)
+        search = ZeroSearch(
+            entry.from_hz, top, entry.half_width, entry.depth, entry.most_damping, entry.above_noise, asked.decay
+        )
         in_test = found_antiresonances(measured, search)
         zeros, count = in_test.zeros, in_test.in_noise
         if count:
@@ -141,9 +148,39 @@ class AskedAntiresonances(AtFirstState):
         return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
-def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | None, tuple[Notice, ...]]:
+def _window(asked: Asked) -> tuple[Notice, ...]:
+    """What is known of the window of the measured FRFs."""
+    if not asked.decay:
+        return ()
+    return (Notice("residual.frf-window", level="info", configuration=asked.name, seconds=1.0 / asked.decay),)
+
+
+def _rigid_body(asked: Asked, state: CaseState, frfs: FrfSet) -> ModeSet:
+    """Rigid-body modes of the model at the channels of functions (errors ``residual.rigid-body``)."""
+    outputs, seen, _ = asked.seen(frfs.responses)
+    inputs, driven, _ = asked.seen(frfs.references)
+    lost = [str(d) for of, some in ((frfs.responses, outputs), (frfs.references, inputs)) for d in of if d not in some]
+    if lost:
+        names = ", ".join(dict.fromkeys(lost))
+        raise FemtuneError("residual.rigid-body/channels", configuration=asked.name, names=names)
+    modes = full_modes(state, None)
+    rigid = np.flatnonzero(is_rigid(modes)[: modes.wanted])
+    if not len(rigid):
+        raise FemtuneError("residual.rigid-body", configuration=asked.name)
+    known: dict[tuple[int, str], int] = {}
+    for k, dof in enumerate((*outputs, *inputs)):
+        known.setdefault((dof.node, dof.direction), k)
+    dofs = DofSet((*outputs, *inputs)[k] for k in known.values())
+    ports = Places(seen, driven).ports(modes.point.configured, replace(frfs, responses=outputs, references=inputs))
+    rows = np.vstack([ports.outputs @ modes.shapes[:, rigid], ports.inputs.T @ modes.shapes[:, rigid]])
+    return ModeSet(np.zeros(len(rigid)), np.asarray(rows[list(known.values())]), dofs, normalisation="mass")
+
+
+def _equalised(
+    asked: Asked, measured: FrfSet, equalised: EqualisedTest | None
+) -> tuple[FrfSet, ModalDamping | None, tuple[Notice, ...]]:
     """The functions and the modal damping of the model, both with one damping ratio if the study requests it."""
-    entry, equalised = asked.entry, asked.equalised()
+    entry = asked.entry
     if equalised is None:
         return measured, stated_damping(entry, asked.damping), ()
     zeta = equalised.moved.damping_ratio

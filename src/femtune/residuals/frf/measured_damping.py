@@ -26,6 +26,10 @@ _ROUNDING = 1e-9
 driven."""
 
 
+_LEAST_RATIO = 1e-6
+"""Damping ratio of a mode at least."""
+
+
 @dataclass(frozen=True, eq=False)
 class LackingMode:
     """A mode of the model inside the band of a test that has no partner in the identified test.
@@ -117,14 +121,15 @@ def measured_damping(
     inputs = np.asarray(ports.inputs.T @ modes.shapes[:, :count])
     model = ModeSet(modes.freq_hz, inputs if test.roving else outputs, seen)
     pairing = pair_modes(identified, model)
-    ratios = paired_damping(identified, pairing, count)
+    ratios = _damping(identified, pairing, count)
     largest = _ROUNDING * float(np.nanmax(np.abs(residual.measured.values)))
 
     def lacking() -> tuple[LackingMode, ...]:
         out = []
         for j in _without_partner(test, modes, pairing).tolist():
             hertz, ratio = float(modes.freq_hz[j]), float(ratios[j])
-            unit = _at_resonance(hertz, ratio, residual.measured.kind)
+            # a window lowers the peak as its damping does
+            unit = _at_resonance(hertz, ratio + test.decay / (2.0 * np.pi * hertz), residual.measured.kind)
             heights = unit * np.abs(np.outer(outputs[:, j], inputs[:, j]))
             heights[heights <= largest] = 0.0
             out.append(LackingMode(j, hertz, ratio, heights, _noise_beside(residual, test, hertz)))
@@ -135,11 +140,16 @@ def measured_damping(
     if further is not None:
         identified = test.modes_of(further).select_dofs(seen)
         pairing = pair_modes(identified, model)
-        ratios = paired_damping(identified, pairing, count)
+        ratios = _damping(identified, pairing, count)
         left = lacking()
         added = frozenset(one.mode for one in missed) - {one.mode for one in left}
         missed = left
     return MeasuredDamping(identified, test, further, pairing, ratios, missed, added)
+
+
+def _damping(test: ModeSet, pairing: Pairing, count: int) -> Reals:
+    """(n,) ratios; a small one that noise has made negative, where a window was taken out, is nearly zero."""
+    return np.maximum(paired_damping(test, pairing, count), _LEAST_RATIO)
 
 
 def _without_partner(test: RedrawnTest, modes: EigenSolution, pairing: Pairing) -> Integers:
@@ -153,7 +163,7 @@ def _with_further(test: RedrawnTest, missed: Sequence[LackingMode]) -> ModalFit 
     """The fit of the test with modes near those of the model; None if it has none there."""
     further = None
     for one in missed:
-        further = with_mode_near(further or test.fit, test.terms, one.freq_hz, one.damping_ratio) or further
+        further = with_mode_near(further or test.fit, test.terms, one.freq_hz, one.damping_ratio, test.decay) or further
     return further
 
 

@@ -27,6 +27,8 @@ class ModelWay:
     damping : modal damping besides that of the model
     residual_vectors : whether static responses to inputs and outputs are added to the modes
     limit : what limits the number of modes, in words; "" if it follows from the highest line
+    decay : σ in rad/s; the functions are those at s = σ + iω, as forces and responses with an exponential window
+        e^{−σt} have them
     """
 
     method: FrfMethod = "real-modes"
@@ -34,6 +36,7 @@ class ModelWay:
     damping: DampingRatios | None = None
     residual_vectors: bool = True
     limit: str = ""
+    decay: float = 0.0
 
     def needs_modes(self, point: ModelPoint) -> bool:
         """False where the functions are solved for at each line, and nothing damps modes."""

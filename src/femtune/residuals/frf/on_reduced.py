@@ -58,7 +58,7 @@ def wanted_of(state: CaseState, residual: FrfResidual) -> FunctionsWanted:
     ports = residual.places.ports(state.full.configured, residual.measured)
     needs = residual.way.needs_modes(state.full)
     damped = modes_for(state, residual).wanted if needs else 0
-    return FunctionsWanted(ports, lines, damped, residual.way.damping)
+    return FunctionsWanted(ports, lines, damped, residual.way.damping, residual.way.decay)
 
 
 def port_rows(residuals: Sequence[FrfResidual], wanted: Sequence[FunctionsWanted]) -> list[sp.csr_array]:
@@ -97,8 +97,8 @@ class ReducedFrfs(Residual):
         """As `FrfResidual.functions`."""
         modes = cast(ReducedModes, state.solution)
         lines, back = self.own.model_lines
-        s = np.asarray(2j * np.pi * lines, dtype=np.complex128)
         way = self.own.way
+        s = np.asarray(way.decay + 2j * np.pi * lines, dtype=np.complex128)
         damped = self._damped(modes)
         ports, left_out = BasisPorts(self.inputs.T, self.outputs), self._left_out(modes, damped)
         functions = reduced_functions(modes, ports, s, damped, way.damping, derivatives, left_out)

@@ -57,12 +57,12 @@ def raw_residual(
         values[:, :, (hertz >= low) & (hertz <= high)] = np.nan
     coherence = None if measured.coherence is None else measured.coherence[:, :, at]
     used = replace(measured, freq_hz=hertz, values=values, coherence=coherence)
-    smooth = test.system.system.frf(hertz).values[np.ix_(rows, columns)]
+    smooth = test.functions_at(hertz)[np.ix_(rows, columns)]
     smooth = np.where(np.isfinite(values), smooth, np.nan)
     noise = test.noise_sd[np.ix_(rows, columns)]
     residual = weighted_residual(
         equalised.configuration, replace(used, values=smooth), equalised.places, lines, equalised.form, scatter,
-        replace(equalised.way, damping=damping),
+        replace(equalised.way, damping=damping, decay=test.decay),
     )  # fmt: skip
     chosen = np.isin(hertz, residual.measured.freq_hz)
     noise, values = noise[:, :, chosen], values[:, :, chosen]

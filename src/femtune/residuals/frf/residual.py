@@ -277,7 +277,7 @@ class FrfResidual(Residual):
         functions = frf_gradient(
             model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
             damping=self.way.damping, residual_vectors=self.way.residual_vectors, derivatives=derivatives,
-            left_out=self._left_out(model),
+            left_out=self._left_out(model), decay=self.way.decay,
         )  # fmt: skip
         return self.at_lines(functions.frfs.values[:, :, back], functions.gradient[:, :, back])
 
@@ -287,6 +287,7 @@ class FrfResidual(Residual):
         values = survey_functions(
             model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
             damping=self.way.damping, residual_vectors=self.way.residual_vectors, left_out=self._left_out(model),
+            decay=self.way.decay,
         )  # fmt: skip
         return self.at_lines(values[:, :, back], np.zeros((*values.shape, 0)))[0]
 

@@ -61,7 +61,7 @@ def _record(
         )
     )
     raw = measured.values[np.ix_(rows, columns)]
-    identified = test.system.system.frf(lines).values[np.ix_(rows, columns)]
+    identified = test.functions_at(lines)[np.ix_(rows, columns)]
     solution, damping, values = _functions(residual, test, after, guided=residual.damped_by is not None)
     arrays |= {f"{key}_hz": lines, f"{key}_test": raw, f"{key}_identified": identified, f"{key}_after": values}
     try:
@@ -105,6 +105,7 @@ def _functions(
     functions = frf(
         solution, ports, test.measured.freq_hz, test.measured.kind, residual.way.method,  # type: ignore[arg-type]
         damping=damping_by_mode(damping.ratios.tolist()), residual_vectors=residual.way.residual_vectors,
+        decay=test.decay,
     )  # fmt: skip
     return solution, damping, functions.values
 

@@ -65,6 +65,15 @@ def mass_points(case: StudyCase, first: First) -> list[int]:
     return [points[i] for i in sorted(set(spread.tolist()))]
 
 
+def no_masses(points: Sequence[int], first: First) -> str:
+    """Why no mass can be added; "" with points that can carry one."""
+    if points:
+        return ""
+    if first.basis is not None:
+        return "the model was reduced, and its basis has no responses to forces at single points"
+    return "no sensor is at a grid point of the model"
+
+
 def mass_rows(points: Sequence[int], case: StudyCase, full: Reals) -> dict[str, NDArray]:
     """Translations of the points that can carry a mass."""
     if not points:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal, cast
 
@@ -16,7 +16,8 @@ from femtune.model.live import LiveDamping
 from femtune.model.response import TIMES_HIGHEST_LINE, Ports, frf
 from femtune.residuals.frf.model_way import settled
 from femtune.residuals.frf.residual import FrfResidual
-from femtune.steps.validate.frf_validation import table_of_measured
+from femtune.steps.correlate.criteria import of_frfs
+from femtune.steps.validate.frf_validation import table_of_measured, used_functions
 from femtune.study.response import response_request
 from femtune.units import frf_unit
 
@@ -139,10 +140,23 @@ def compared_functions(
         return (), reason
     try:
         found = list(_of_residuals(study, residuals, point) if residuals else _of_test(study, case, state, point))
+        if residuals and of_frfs(study) and (left := _left(study, case)) is not None:
+            found += _of_test(study, left, state, point)
     except FemtuneError as error:
         return (), error.what
     reasons = [one for one in found if isinstance(one, str)]
     return tuple(one for one in found if not isinstance(one, str)), "; ".join(dict.fromkeys(reasons))
+
+
+def _left(study: Study, case: StudyCase) -> StudyCase | None:
+    """The configuration with those functions alone that the update did not use; None without any."""
+    if case.test is None or case.test.frfs is None:
+        return None
+    frfs = case.test.frfs
+    values = np.where(used_functions(study, case)[:, :, None], np.nan, frfs.values)
+    if not np.isfinite(values).any():
+        return None
+    return replace(case, test=replace(case.test, frfs=replace(frfs, values=values)))
 
 
 def _damping_of_elements(point: ModelPoint) -> str:
@@ -164,6 +178,9 @@ def _of_residuals(study: Study, residuals: list[FrfResidual], point: ModelPoint)
     for residual in residuals:
         if residual.left_out is not None:
             yield "modes are left out of them"
+            continue
+        if residual.way.decay:
+            yield "they have an exponential window"
             continue
         compared, of = np.isfinite(residual.sd), residual.measured
         damping = _of_modes(point, residual.way.damping, residual.highest_hz)
@@ -187,6 +204,9 @@ def _of_test(study: Study, case: StudyCase, state: CaseState, point: ModelPoint)
         table = table.model_copy(update={"ratio": stated.ratio, "ratios": stated.ratios})
     request = response_request(study, case, table)
     measured = request.measured
+    if case.test is not None and case.test.exponential_s is not None:
+        yield "they have an exponential window"
+        return
     if measured is None:
         yield "none of the measured FRFs has a place in the model"
         return

@@ -22,6 +22,7 @@ from femtune.steps.live.frfs import ComparedFunctions, compared_functions
 from femtune.steps.live.of_case import LiveOfCase
 from femtune.steps.live.points import Points
 from femtune.steps.live.record import LiveConfiguration
+from femtune.steps.live.reduced_mass import wants_reduced_mass
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -127,13 +128,16 @@ class Making:
             parts.append(sp.csc_array(translations(points, case).T))
         if (driven := forces_of(self.functions[case.name][0])) is not None:
             parts.append(driven)
+        with_mass = wants_reduced_mass(self.study, state, first)
+        if with_mass and not is_whole(first.model):
+            parts.append(sp.csc_array(sp.csr_array(state.case.on_full_model.sensors).T))
         forces = first.seen(sp.csc_array(sp.hstack(parts, format="csc")) if parts else None)
         most = min(MOST_ORDER, first.model.order)
         basis = second_basis(first.model, x, snapshots, count + _ABOVE, most, forces)
         vectors, model = self._smallest(first, basis, groups, x, count)
         if not model.terms:
             return f"no parameter changes stiffness or mass ({state.case.name})"
-        made = LiveOfCase(case, state, first, vectors, model, points, self.points)
+        made = LiveOfCase(case, state, first, vectors, model, points, self.points, with_mass)
         problem = self.study.problem().residuals
         return made.record(self.result, problem, self.functions[case.name], self.work, prefix, arrays)
 

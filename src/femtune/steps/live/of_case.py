@@ -13,7 +13,8 @@ from femtune.model.live import LivePorts
 from femtune.model.live.matrices import solved
 from femtune.steps.live.certificate import CertifiedLive, elastic_groups
 from femtune.steps.live.comparisons import MOST_PERCENT, certificates, too_inaccurate
-from femtune.steps.live.drawing import drawing, mass_rows
+from femtune.steps.live.drawing import drawing, mass_rows, no_masses
+from femtune.steps.live.mass import page_mass
 from femtune.steps.live.record import (
     LiveCheck,
     LiveConfiguration,
@@ -22,6 +23,7 @@ from femtune.steps.live.record import (
     LivePart,
     LiveTermRecord,
 )
+from femtune.steps.live.reduced_mass import page_reduced_mass
 from femtune.steps.live.residuals import PagePart, page_parts
 
 if TYPE_CHECKING:
@@ -49,6 +51,7 @@ class LiveOfCase:
     first, vectors : the model that it is made of, and its basis there
     carriers : grid points that can carry a mass
     points : points of the region and of the ranges
+    with_mass : whether criteria need the mass reduced to the sensors, and a page may have it
     """
 
     case: StudyCase
@@ -58,6 +61,7 @@ class LiveOfCase:
     model: LiveModel
     carriers: Sequence[int]
     points: Points
+    with_mass: bool = False
 
     def record(
         self, result: UpdateResult, residuals: Sequence[Residual], functions: tuple[Sequence[ComparedFunctions], str],
@@ -102,6 +106,7 @@ class LiveOfCase:
             sensors_key=f"{prefix}/sensors", test_shapes_key=f"{prefix}/test_shapes",
             sensor_labels=tuple(map(str, test.dofs)),
             mass_points=tuple(f"grid {n}" for n in self.carriers),
+            mass_reason=no_masses(self.carriers, self.first),
             test_labels=tuple(test.labels),
             test_freq_hz=tuple(map(float, test.freq_hz)),
             pairs=tuple(
@@ -111,7 +116,10 @@ class LiveOfCase:
             parts=_part_records(parts), weights_key=f"{prefix}/weights",
             region=region, bounds=bounds, region_full=region_full, bounds_full=bounds_full, checks=checks,
             drawing_key=drawn.get("drawing"), drawing_weights_key=drawn.get("drawing_weights"),
-            mass_rows_key=drawn.get("mass_rows"), functions=compared, functions_reason=why_not,
+            mass_rows_key=drawn.get("mass_rows"),
+            mass=page_mass(state, model, self.points, result.after),
+            reduced_mass=page_reduced_mass(state, model, sensors, self.points) if self.with_mass else None,
+            functions=compared, functions_reason=why_not,
         )  # fmt: skip
 
     def _stored(

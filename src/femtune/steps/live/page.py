@@ -15,6 +15,7 @@ from femtune.document.page_view import (
     LiveCriterionView,
     LiveDrawsView,
     LiveFunctionsView,
+    LiveMassView,
     LiveOtherView,
     LiveParameterView,
     LivePartView,
@@ -130,6 +131,14 @@ def _remarks(found: LiveResults) -> list[Block]:
     reasons = dict.fromkeys(c.functions_reason for c in found.configurations if c.functions_reason)
     if reasons:
         out.append(f"Measured FRFs are not computed again: {'; '.join(reasons)}.")
+    masses = [m for c in found.configurations if (m := c.reduced_mass) is not None]
+    if masses:
+        worst = max(masses, key=lambda m: m.difference)
+        out.append(
+            "Criteria of orthogonality follow with the mass that the page reduces to the sensors: it differs from that "
+            f"of the full model by {_size(worst.difference)} in an orthogonality at most, at "
+            f"{counted(worst.points, 'point')} of both ranges."
+        )
     if found.solutions:
         out.append(f"It took {counted(found.solutions, 'more solution')} of the full model.")
     return [Paragraph(" ".join(out), "muted")]
@@ -203,7 +212,7 @@ def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurat
         test_labels=c.test_labels, test_freq_hz=c.test_freq_hz,
         test_shapes=as_stored(_array(source, c.test_shapes_key)),
         sensor_labels=c.sensor_labels,
-        mass_points=c.mass_points,
+        mass_points=c.mass_points, mass_reason=c.mass_reason,
         mass_rows=None if c.mass_rows_key is None else as_stored(_array(source, c.mass_rows_key)),
         pairs=tuple((p.test, p.mode, p.modes) for p in c.pairs),
         parts=tuple(_part(p, weights) for p in c.parts),
@@ -215,7 +224,11 @@ def _configuration(source: ReportSource, c: LiveConfiguration) -> LiveConfigurat
         ),
         functions=tuple(_functions(source, f) for f in c.functions),
         functions_reason=c.functions_reason,
-        criteria=tuple(_criteria(source, c.configuration)),
+        criteria=tuple(_criteria(source, c)),
+        mass=None if c.mass is None else LiveMassView(
+            c.mass.updated, c.mass.slopes, tuple((w.mass, w.sd) for w in c.mass.weighed)
+        ),
+        mass_sensors=() if c.reduced_mass is None else c.reduced_mass.sensors,
     )  # fmt: skip
 
 
@@ -229,7 +242,7 @@ def _functions(source: ReportSource, f: LiveFunctions) -> LiveFunctionsView:
         test_imaginary=single(test.imag), output_rows=as_stored(_array(source, f.outputs_key)),
         input_rows=as_stored(_array(source, f.inputs_key)), modes=f.modes, ratios=f.damping_ratios,
         ratios_hz=f.damping_hz, hysteretic=f.hysteretic, loss_factor=f.loss_factor, si=_to_si(source), label=f.label,
-        form=f.form,
+        form=f.form, every=f.every,
         sd=None if f.sd_key is None else single(_array(source, f.sd_key)),
         shift=None if f.shift_key is None else single(_array(source, f.shift_key)), note=note.strip(),
         errors=tuple((where, e.points, e.percent, e.function) for where, e in found if e is not None),
@@ -242,19 +255,37 @@ def _to_si(source: ReportSource) -> float:
     return units.length / units.force
 
 
-_QUANTITIES = {"frequency error": "frequency", "MAC": "mac"}
-"""Quantities of criteria that the page computes, as `femtune.validation.criteria` names them."""
+_OF_PAIRS = {"frequency error": "frequency", "MAC": "mac"}
+_OF_MASS = {
+    "cross-orthogonality, diagonal": "diagonal", "cross-orthogonality, off the diagonal": "off_diagonal",
+    "self-orthogonality of the test, off the diagonal": "self",
+}  # fmt: skip
+_OF_FRFS = {
+    "FRAC": "frac", "FDAC at equal frequencies, mean over the lines": "fdac",
+    "level error of an FRF, mean over the lines": "mean_db", "level error of an FRF, largest": "max_db",
+    "resonance frequency error in the FRFs": "resonance",
+}  # fmt: skip
+LIVE_QUANTITIES = _OF_PAIRS | _OF_MASS | _OF_FRFS
+"""Quantities of criteria that the page computes, as `femtune.validation.criteria` names them, and their words there."""
 
 
-def _criteria(source: ReportSource, configuration: str) -> Iterator[LiveCriterionView]:
-    """Those of the pairs at the end of the update."""
-    found = [c for c in source.results.correlations if c.configuration == configuration]
+def _criteria(source: ReportSource, c: LiveConfiguration) -> Iterator[LiveCriterionView]:
+    """Those of the pairs at the end of the update, and those of FRFs that the update did not use."""
+    known = _OF_PAIRS | (_OF_MASS if c.reduced_mass is not None else {})
+    found = [one for one in source.results.correlations if one.configuration == c.configuration]
     for one in found[-1].criteria if found else ():
-        quantity = one.name.removesuffix(f", {one.standard}")
         yield LiveCriterionView(
-            one.name, _QUANTITIES.get(quantity, ""), one.sense == "at most", one.limit, one.unit, one.measured,
-            one.verdict, one.remark,
+            one.name, known.get(one.name.removesuffix(f", {one.standard}"), ""), one.sense == "at most", one.limit,
+            one.unit, one.measured, one.verdict, one.remark,
         )  # fmt: skip
+    validation = source.results.validation
+    for v in () if validation is None else validation.verdicts:
+        word = _OF_FRFS.get(v.criterion.removesuffix(f", {v.standard}"))
+        if v.configuration == c.configuration and word is not None:
+            yield LiveCriterionView(
+                f"{v.criterion}, {v.data}", word, v.sense == "at most", v.required, v.unit, v.measured, v.verdict,
+                v.remark,
+            )  # fmt: skip
 
 
 def _errors_view(c: LiveCertificate) -> LiveCertificateView:

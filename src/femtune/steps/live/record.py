@@ -242,6 +242,37 @@ class LiveCertificate(Record):
     in % of that of the other model, which counts at least as 1; None where the page computes none."""
 
 
+class LiveWeighed(Record):
+    """A mass that was weighed."""
+
+    mass: float
+    """The measured mass, in the unit of mass."""
+    sd: float
+    """Its standard deviation, in the unit of mass."""
+
+
+class LiveMass(Record):
+    """The mass of a configuration as a function of the parameters."""
+
+    updated: float
+    """At the updated point, in the unit of mass."""
+    slopes: tuple[float, ...]
+    """Change of the mass by the value of the polynomial of each mass matrix in `terms`, in their order."""
+    weighed: tuple[LiveWeighed, ...] = ()
+    """Masses that the update compares, if the page computes their part of χ²."""
+
+
+class LiveReducedMass(Record):
+    """Mass reduced to the sensors by the page, with which it computes criteria of orthogonality."""
+
+    sensors: tuple[int, ...]
+    """Positions of the sensors that are kept; others only repeat these."""
+    points: int
+    """Points at which it was compared with that of the full model."""
+    difference: float
+    """Largest difference of an orthogonality there, of test shapes with each other and with those of the model."""
+
+
 class LiveConfiguration(Record):
     """The live model of one configuration."""
 
@@ -269,6 +300,8 @@ class LiveConfiguration(Record):
     mass_points: tuple[str, ...] = ()
     """Points of sensors at which a mass can be added, "grid 101": all where the live model has all degrees of freedom
     of the model, some where it was made of the full matrices, none where it was made of a reduced model."""
+    mass_reason: str = ""
+    """Why no mass can be added; "" where one can, and in older results."""
     mass_rows_key: str | None = None
     """Key of the translations of these points (points, 3, order)."""
     drawing_key: str | None = None
@@ -302,6 +335,11 @@ class LiveConfiguration(Record):
     """The same within the ranges of the parameters."""
     checks: tuple[LiveCheck, ...]
     """Points that the page checks."""
+    mass: LiveMass | None = None
+    """The mass; None where it does not change with the parameters or is not followed."""
+    reduced_mass: LiveReducedMass | None = None
+    """The mass at the sensors; None where criteria of orthogonality are not asked for, or keep the values of the
+    update."""
     functions: tuple[LiveFunctions, ...] = ()
     """Measured FRFs that are drawn beside those of the live model."""
     functions_reason: str = ""

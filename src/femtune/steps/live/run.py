@@ -13,6 +13,7 @@ from femtune.residuals.frf.residual import FrfResidual
 from femtune.steps.live.comparisons import FULL_POINTS
 from femtune.steps.live.first import SMALL, TRAINING, trained
 from femtune.steps.live.making import Making
+from femtune.steps.live.mass import whole_masses
 from femtune.steps.live.record import LiveConfiguration, LiveOtherPart, LiveParameter, LiveResults
 from femtune.steps.live.region import AllowedRegion, Sampled, allowed_models
 
@@ -60,8 +61,9 @@ def live_results(
     kinds: dict[str, float] = {}
     for block in result.after.blocks:
         kinds[block.kind] = kinds.get(block.kind, 0.0) + float(block.values @ block.values)
-    configurations = _same_kinds(configurations, result.after)
-    done = {part.kind for c in configurations for part in c.parts} | _computed_functions(configurations, result.after)
+    configurations, masses = whole_masses(_same_kinds(configurations, result.after), result.after)
+    done = {part.kind for c in configurations for part in c.parts} | masses
+    done |= _computed_functions(configurations, result.after)
     others = tuple(LiveOtherPart(kind=k, chi_square=v) for k, v in kinds.items() if k not in done)
     arrays |= stored
     return LiveResults(

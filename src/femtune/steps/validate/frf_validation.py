@@ -132,7 +132,7 @@ def _unused(study: Study, case: StudyCase, x: Reals) -> UnusedFrfs:
     left = replace(case, test=replace(case.test, frfs=replace(frfs, values=values)))
     table = table_of_measured(study, case)
     request = response_request(study, left, table)
-    measured = request.measured
+    measured, request = request.measured, replace(request, decay=case.test.decay)
     if measured is None:
         return UnusedFrfs(case, None, "none of the FRFs that were not used has a place in the model")
     point = case.configured.at(x)

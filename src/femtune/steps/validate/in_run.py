@@ -21,5 +21,5 @@ def compare_unused_frfs(run: Run, outcomes: Outcomes, made: Made) -> Unused:
     damped, equalise = outcomes.find(Damped), run.study.file.equalise
     beside = MeasuredBeside()
     if damped is not None and equalise is not None:
-        beside = MeasuredBeside(damped.records, outcomes.arrays, equalise.leave_out_hz)
+        beside = MeasuredBeside(damped.records, outcomes.arrays, equalise.not_compared_hz)
     return Unused(after, frf_deviations(initial.at, updated.at, before, after, beside))
