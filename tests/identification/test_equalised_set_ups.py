@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.identification import EqualisedTest, InputKnown, equalised_test, identify_frfs
 from femtune.identification.guided import with_mode_near
+from femtune.identification.join import join_ranges
 from femtune.identification.redrawn import RedrawnTest
 from femtune.identification.rigid_body import rigid_body_motion
 from femtune.modal import FrfSet, ModeSet
@@ -83,9 +84,20 @@ def test_a_window_that_was_stronger_than_the_decay_is_told() -> None:
     # the slowest decay of all: that of the mode at 8 Hz
     slowest = 1.0 / (1.0 / TAU + 2.0 * np.pi * 8.0 * 0.01)
     assert notice.facts["least"] == pytest.approx(slowest, rel=1e-2)
-    check_shown("identify.window-too-strong", type(notice)(notice.code, **{**notice.facts, "least": 0.333}))
+    shown = {**notice.facts, "least": 0.333, "names": "8.07 Hz, 13 Hz, 21 Hz, 33 Hz"}
+    check_shown("identify.window-too-strong", Notice(notice.code, **shown))
     right = identify_frfs(windowed("accelerance", 1e-3), replace(ORDER, exponential_s=TAU))
     assert "identify.window-too-strong" not in {n.code for n in right.notices}
+
+
+@pytest.mark.slow
+def test_a_window_that_hardly_falls_is_told() -> None:
+    frfs = known().frfs(LINES, 1e-3)
+    codes = {}
+    for tau in (400.0, 4.0):
+        codes[tau] = {n.code: n for n in identify_frfs(frfs, replace(ORDER, exponential_s=tau)).notices}
+    assert "identify.window-weak" not in codes[4.0]
+    check_shown("identify.window-weak", codes[400.0]["identify.window-weak"])
 
 
 @pytest.mark.slow
@@ -106,6 +118,19 @@ def test_rigid_body_motion_of_a_model(kind: str, decay: float) -> None:
     np.testing.assert_allclose(test.frfs.values, exact, atol=1e-5 * np.abs(exact).max())
     np.testing.assert_allclose(test.redrawn.equalised, test.frfs.values, rtol=1e-7, atol=1e-9 * np.abs(exact).max())
     np.testing.assert_allclose(test.redrawn.functions_at(LINES), whole.values, atol=1e-5 * np.abs(whole.values).max())
+
+
+@pytest.mark.slow
+@kinds
+def test_the_mass_line_of_a_free_structure_has_the_window_too(kind: str) -> None:
+    """L/(iω + σ)², which a model without rigid-body modes leaves in the functions."""
+    shapes = 0.1 * np.column_stack([np.full(6, 0.5), np.linspace(-1.0, 1.0, 6)])
+    rigid = ModeSet(np.zeros(2), shapes, known().dofs, normalisation="mass")
+    elastic = known().frfs(LINES, kind=kind, decay=1.0 / TAU)
+    whole = replace(elastic, values=elastic.values + rigid_body_motion(rigid, elastic, LINES, 1.0 / TAU))
+    found = identify_frfs(whole, replace(ORDER, exponential_s=TAU)).modes
+    np.testing.assert_allclose(found.freq_hz, known().freq_hz, rtol=1e-6)
+    np.testing.assert_allclose(found.damping_ratio, known().damping_ratio, rtol=1e-4)
 
 
 @pytest.mark.slow
@@ -160,3 +185,15 @@ def test_all_poles_of_a_fixed_order_are_modes() -> None:
     with pytest.raises(FemtuneError) as caught:
         InputKnown(order=7)
     check_shown("identify.method, fixed-order", caught.value)
+
+
+def test_a_later_set_adds_what_an_earlier_one_does_not_have() -> None:
+    first, second = known().frfs(np.arange(10.0, 30.0, 0.5)), known().frfs(np.arange(5.0, 20.0, 0.2))
+    both = join_ranges([first, second])
+    expected = np.union1d(np.arange(10.0, 30.0, 0.5), np.arange(5.0, 10.0, 0.2))
+    complete = np.isfinite(both.values).all(axis=(0, 1))
+    np.testing.assert_allclose(both.freq_hz[complete], expected, rtol=1e-12)
+    np.testing.assert_allclose(both.values[:, :, complete], known().frfs(both.freq_hz[complete]).values, rtol=1e-12)
+    # one file for each force
+    one, other = (replace(first, values=first.values[:, [j]], references=first.references.select([j])) for j in (0, 1))
+    np.testing.assert_array_equal(join_ranges([one, other]).values, first.values)

@@ -22,7 +22,7 @@ from femtune.residuals import (
     case_without_modes,
     measured_antiresonances,
 )
-from femtune.residuals.frf.measured_zeros import found_antiresonances
+from femtune.residuals.frf.measured_zeros import Antiresonance, found_antiresonances
 from femtune.testing import check_residual
 from femtune.updating import SensitivityMethod, update
 
@@ -114,6 +114,35 @@ def test_the_kind_of_function_does_not_matter(kind: str) -> None:
 
 
 @pytest.mark.slow
+def test_an_exponential_window_moves_none() -> None:
+    """ω of a zero, b + ia, gets i/τ: if the window is not known, √(b² − a²) falls."""
+    model, decay = chain(LOSS), 0.3
+    ports, modes = make_ports(model, *PORTS), solve_modes(model.at(LIGHT), 5)
+    windowed = frf(modes, ports, LINES, "accelerance", "real-modes", decay=decay)
+
+    def apart(some: tuple[Antiresonance, ...]) -> dict[tuple[str, float], Antiresonance]:
+        """Without those where the window makes one peak of two that are near."""
+        return {
+            (f"{a.response} {a.reference}", round(a.freq_hz)): a for a in some if a.freq_hz < 3.0 or a.freq_hz > 7.5
+        }
+
+    plain, found, unknown = (
+        apart(measured_antiresonances(functions_of, search))
+        for functions_of, search in (
+            (functions(), ZeroSearch()), (windowed, ZeroSearch(decay=decay)), (windowed, ZeroSearch(most_damping=0.5))
+        )
+    )  # fmt: skip
+    assert set(found) == set(plain)
+    assert len(found) >= 5
+    for key, a in found.items():
+        assert a.freq_hz == pytest.approx(plain[key].freq_hz, rel=1e-6)
+        assert a.damping == pytest.approx(plain[key].damping, abs=1e-5)
+    lowered = [b.freq_hz / a.freq_hz - 1.0 for a, b in zip(found.values(), unknown.values(), strict=True)]
+    omega = np.array([2.0 * np.pi * a.freq_hz for a in found.values()])
+    own = 0.5 * omega * [a.damping for a in found.values()]
+    np.testing.assert_allclose(lowered, -0.5 * ((own + decay) ** 2 - own**2) / omega**2, rtol=0.01)
+
+
 def test_jacobian() -> None:
     case = case_without_modes(chain(LOSS), (residual_of(functions()),), count=5)
     check_residual(UpdateProblem((case,), case.configured.model.parameters), FREE, 1e-6)

@@ -19,7 +19,7 @@ from femtune.residuals import state_at
 from femtune.study.study import load_study
 
 from ..messages.shown import check_shown
-from .cantilever import CANTILEVER, EI, TRUE, Bench
+from .cantilever import CANTILEVER, EI, TRUE, Bench, bounded
 
 ZETA = (0.004, 0.03, 0.02, 0.008, 0.012, 0.02, *([0.01] * 14))
 LINES = np.arange(5.0, 240.0, 0.25)
@@ -34,13 +34,13 @@ OUTPUTS = ["2Y+", "3Y+", "4Y+", "5Y+"]
 
 def measure(
     bench: Bench, noise: float = 0.002, tau: float | None = None, deck: str = CANTILEVER, kind: str = "accelerance",
-    lines: NDArray = LINES,
+    lines: NDArray = LINES, changes: tuple[tuple[str, str], ...] = TRUE,
 ) -> None:  # fmt: skip
     """FRFs of the true beam in a record with an exponential window, with noise of each value and of a floor.
 
     That a window moves iω to iω + 1/τ is shown with a record in tests/model/response/test_decay.py.
     """
-    model = model_of(bench.truth(TRUE, deck))
+    model = model_of(bench.truth(changes, deck))
     ports = make_ports(model, ["5Y+"], OUTPUTS)
     modes, decay = solve_modes(model.at(np.zeros(0)), 20), 1.0 / tau if tau else 0.0
     exact = frf(modes, ports, lines, kind, damping=damping_by_mode(ZETA), decay=decay)  # type: ignore[arg-type]
@@ -162,12 +162,25 @@ def test_aligned_lines_have_no_window(bench: Bench) -> None:
 
 
 @pytest.mark.slow
-def test_rigid_body_motion_of_the_model_and_channels_without_a_place(bench: Bench) -> None:
-    measure(bench, deck=FREE)
-    results = ft.update(study(bench, "rigid_body = true", deck=FREE)).results
-    assert results.update is not None
-    assert results.update.ok
-    assert max(error(p) for p in results.update.parameters) < 3.5
+@pytest.mark.parametrize("kind", ["receptance", "accelerance"])
+def test_rigid_body_motion_of_a_model_with_another_mass(bench: Bench, kind: str) -> None:
+    """The end mass is 30 % larger than in the deck: what is left of the motion is fitted."""
+    heavier = ("CONM2   9       5               2.0", "CONM2   9       5               2.6")
+    measure(bench, deck=FREE, kind=kind, lines=np.arange(30.0, 700.0, 0.5), changes=(*TRUE, heavier))
+    path = study(bench, "rigid_body = true", bounded("mass", "CONM2 9 M"), deck=FREE)
+    update = ft.update(path).results.update
+    assert update is not None
+    assert update.ok
+    assert update.raw is not None
+    truth = {**TRUTH, "mass": 1.3}
+    for p in update.parameters:
+        assert p.sd is not None
+        assert abs(p.value - truth[p.name]) < 3.5 * p.sd
+    assert {v.parameter: v.equalised for v in update.raw.values} == pytest.approx(truth, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_structure_that_is_held_has_no_rigid_body_motion(bench: Bench) -> None:
     measure(bench)
     held = study(bench, "rigid_body = true")
     with pytest.raises(FemtuneError) as caught:
@@ -244,3 +257,36 @@ def test_what_is_said_of_set_ups(bench: Bench) -> None:
         load_study(study(bench, "suspension_hz = 300.0\nband_hz = [5.0, 240.0]"))
     check_shown("study.value, suspension", FemtuneError("study.value/suspension"))
     assert "suspension_hz" in str(caught.value)
+
+
+def two_tests(bench: Bench, noise: float = 0.002) -> Path:
+    """Accelerances from 20 Hz in one file, and those of a second test from 3 to 40 Hz in another."""
+    measure(bench, noise, lines=np.arange(3.0, 40.0, 0.2))
+    (bench.folder / "frfs.uff").rename(bench.folder / "low.uff")
+    measure(bench, noise, lines=np.arange(20.0, 240.0, 0.25))
+    path = study(bench, residual="from_hz = 20.0")
+    path.write_text(path.read_text("utf-8").replace('"frfs.uff"', '["frfs.uff", "low.uff"]'), "utf-8")
+    return path
+
+
+def test_low_frequencies_of_a_second_test(bench: Bench) -> None:
+    found = load_study(two_tests(bench))
+    (case,) = found.cases
+    assert case.test is not None
+    assert case.test.frfs is not None
+    complete = np.isfinite(case.test.frfs.values).all(axis=(0, 1))
+    expected = np.concatenate([np.arange(3.0, 20.0 - 1e-9, 0.2), np.arange(20.0, 240.0, 0.25)])
+    np.testing.assert_allclose(case.test.frfs.freq_hz[complete], expected, rtol=1e-9)
+    (notice,) = [n for n in found.notices if n.code == "test.joined-frfs"]
+    assert "185 lines from 3 to 39.8 Hz" in notice.what
+    sets = "880 lines from 20 to 239.75 Hz, 185 lines from 3 to 39.8 Hz"
+    check_shown("test.joined-frfs", Notice("test.joined-frfs", level="info", sets=sets, lines=965))
+
+
+@pytest.mark.slow
+def test_parameters_of_two_tests(bench: Bench) -> None:
+    results = ft.update(two_tests(bench)).results
+    assert results.update is not None
+    assert results.update.ok
+    assert results.update.raw is not None
+    assert max(error(p) for p in results.update.parameters) < 3.5

@@ -186,3 +186,9 @@ def _test_of(bench: Bench, text: str) -> str:
     both = (bench.folder / "fine_modes.uff").read_text() + (bench.folder / "fine_frfs.uff").read_text()
     bench.write("fine.uff", both)
     return "fine.uff"
+
+
+def test_functions_with_an_exponential_window_are_not_computed_again(bench: Bench) -> None:
+    bench.write("windowed.toml", '[identify]\nfrfs = "frfs.uff"\nexponential_s = 0.5\n')
+    run = ft.run(bench.study(_EI + _FRF, test="windowed.toml"), output=bench.folder / "windowed")
+    assert _only(run).functions_reason == "they have an exponential window"

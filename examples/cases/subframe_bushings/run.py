@@ -316,6 +316,39 @@ def _modes(found: Sequence[Calibrated]) -> Iterator[str]:
             yield f"| {1 + one.component} | {left.before_hz:.2f} | {left.after_hz:.2f} | {left.correlation:.3f} |"
 
 
+def measured_afterwards(folder: Path, components: int = 2) -> list[str]:
+    """Components calibrated with equal damping, then with their measured FRFs: a section of the page."""
+    lab = Laboratory(5_000, 15, 56, 1)
+    plan = Plan(lab, (FREE_TEST, replace(LOADED_TEST, left_out_hz=LEFT_OUT[5_000])), then="raw")
+    rows = []
+    for c in range(components):
+        simulated(plan, c, folder / str(c + 1))
+        (folder / str(c + 1) / "study.toml").write_text(study(plan), encoding="utf-8")
+        update = ft.update(folder / str(c + 1) / "study.toml", output=folder / str(c + 1) / "run").results.update
+        assert update is not None
+        assert update.raw is not None
+        truth = dict(zip(lab.names, (1.0 + lab.truth(c)).tolist()))
+        for one, p in zip(update.raw.values, update.parameters, strict=True):
+            assert one.equalised_sd is not None
+            assert p.sd is not None
+            before, after = (one.equalised - truth[p.name]) / one.equalised_sd, (p.value - truth[p.name]) / p.sd
+            assert abs(after) < LIMIT, (c, p.name, after)
+            rows.append((c + 1, p.name, one.equalised_sd, before, p.sd, after))
+    each = [[row for row in rows if row[0] == c + 1] for c in range(components)]
+    smaller = sum(row[4] < row[2] for row in rows)
+    roots = [[float(np.sqrt(np.mean([row[k] ** 2 for row in some]))) for k in (3, 5)] for some in each]
+    said = "; ".join(f"component {c + 1}: {a:.2f} and {b:.2f}" for c, (a, b) in enumerate(roots))
+    return [
+        "\n## With the measured FRFs afterwards\n",
+        f"{components} components on a mesh of 5,000 degrees of freedom, calibrated with equal damping, then with "
+        f'their measured FRFs (`then = "raw"`). Of {len(rows)} standard deviations {smaller} become smaller. Root mean '
+        f"square of error / σ with equal damping and with the measured FRFs: {said}.\n",
+        "| component | parameter | σ, equal damping | error / σ | σ, measured FRFs | error / σ |",
+        "| --- " * 6 + "|",
+        *(f"| {c} | {name} | {s:.1e} | {z:+.2f} | {sd:.1e} | {after:+.2f} |" for c, name, s, z, sd, after in rows),
+    ]
+
+
 def main() -> None:
     """Simulate, calibrate, check, report."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -328,6 +361,8 @@ def main() -> None:
     plan = Plan(Laboratory(dofs, 15, 56, 1), (FREE_TEST, replace(LOADED_TEST, left_out_hz=LEFT_OUT[dofs])))
     found = [calibrated(plan, c, HERE / "run" / f"component_{c + 1}") for c in range(components)]
     text = page(found, () if options.quick else readings(Laboratory(5_000, 15, 56, 1), READ))
+    if not options.quick:
+        text += "\n".join(measured_afterwards(HERE / "run" / "measured"))
     print(text)
     if options.evidence:
         (options.evidence / "cases_subframe_bushings.md").write_text(text + "\n", encoding="utf-8")

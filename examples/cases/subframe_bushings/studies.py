@@ -20,6 +20,7 @@ class Plan:
     bootstraps : runs; 0 for none
     order : of the largest model of the identification
     lines : in a half bandwidth
+    then : what follows the update with equal damping, "raw" or "nothing"
     """
 
     lab: Laboratory
@@ -27,6 +28,7 @@ class Plan:
     bootstraps: int = 0
     order: int = 60
     lines: float = 2.0
+    then: str = "nothing"
 
 
 def study(plan: Plan) -> str:
@@ -35,7 +37,7 @@ def study(plan: Plan) -> str:
         head(plan.lab, max(test.band_hz[1] for test in plan.tests)),
         *(_configuration(plan, t) for t in plan.tests),
         *(residual(plan.lab, t, t.state.name) for t in plan.tests),
-        equalise(plan.order, plan.lines),
+        equalise(plan.order, plan.lines, plan.then),
         bootstrap(plan.bootstraps),
         parameters(plan.lab),
     ])  # fmt: skip

@@ -9,9 +9,11 @@ import numpy as np
 
 from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
-from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs, terms_outside
+from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs
 from femtune.identification.join import complete_lines, in_band
+from femtune.identification.modal_solve import outside_terms
 from femtune.identification.redrawn import RedrawnTest
+from femtune.identification.rigid_body import with_rigid_body
 from femtune.identification.window import fit_with_window
 from femtune.modal import Equalised, FrfSet, equalise_damping, half_band_lines
 from femtune.modal.equalise import Band, poles_to_move
@@ -85,7 +87,11 @@ def equalised_test(
         raise FemtuneError("system.equalise/no-modes", order=asked.largest_order) from error
     band = _band(identified.measured)
     left_out = without_suspension(left_out_hz, asked.suspension_hz)
-    moved = equalise_damping(identified.system, damping_ratio, band, left_out)
+    # without rigid-body motion, whose poles at zero are double and have no modes of their own
+    elastic = identified.system if asked.rigid is None else identified.system_fit.system
+    moved = equalise_damping(elastic, damping_ratio, band, left_out)
+    if asked.rigid is not None:
+        moved = replace(moved, system=with_rigid_body(moved.system, asked.rigid))
     lines = _lines(band, damping_ratio, per_half_band, left_out)
     again = _Again(damping_ratio, asked, per_half_band, left_out)
     redrawn = _redrawn(identified, again, lines, band)
@@ -152,6 +158,6 @@ def _redrawn(identified: IdentifiedModes, again: _Again, lines: Reals, band: Ban
     # of one layout in memory, so that a copy in another process gives the same numbers to the last bit
     measured = replace(identified.measured, values=np.ascontiguousarray(identified.measured.values))
     return RedrawnTest(
-        measured, fit, fit_with_window(identified.system_fit, asked.decay), terms_outside(asked), moved,
+        measured, fit, fit_with_window(identified.system_fit, asked.decay), outside_terms(asked.decay), moved,
         again.damping_ratio, lines, again, roving=identified.roving, decay=asked.decay, rigid=asked.rigid,
     )  # fmt: skip

@@ -20,7 +20,7 @@ from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Reals
 from femtune.identification.modal_fit import ModalFit
-from femtune.identification.modal_solve import OUT_OF_BAND, PartialFractions, modal_basis, real_rows
+from femtune.identification.modal_solve import OUT_OF_BAND, OutsideTerms, PartialFractions, modal_basis, real_rows
 from femtune.identification.whole_record import WholeRecord
 
 CHANCE = 1e-4
@@ -80,7 +80,7 @@ class LinesOfRecord:
     free: Reals
 
 
-def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] = OUT_OF_BAND) -> ModalFit:
+def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: OutsideTerms = OUT_OF_BAND) -> ModalFit:
     """The fit of a whole record with the noise of its force, where there is any; else as it is.
 
     Poles, residues and their covariances are those of the likelihood with the noise of the force. With many functions
@@ -115,7 +115,7 @@ def with_force_noise(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] =
     return _with_errors(fit, now, variance, errors)
 
 
-def lines_at(poles: Complexes, whole: WholeRecord, terms: tuple[str, ...], given: Reals | None = None) -> LinesOfRecord:
+def lines_at(poles: Complexes, whole: WholeRecord, terms: OutsideTerms, given: Reals | None = None) -> LinesOfRecord:
     """With the coefficients of least squares, or those that are given."""
     freq, line, m = whole.frfs.freq_hz, whole.line / np.sqrt(np.mean(whole.line**2)), len(poles)
     inside = modal_basis(freq, poles, whole.frfs.kind, terms)
@@ -186,7 +186,12 @@ def slopes_of_function(now: LinesOfRecord, f: int, variance: Reals) -> Complexes
 
 
 def _refitted(
-    poles: Complexes, now: LinesOfRecord, variance: Reals, force: float, whole: WholeRecord, terms: tuple[str, ...]
+    poles: Complexes,
+    now: LinesOfRecord,
+    variance: Reals,
+    force: float,
+    whole: WholeRecord,
+    terms: OutsideTerms,
 ) -> tuple[Complexes, _ErrorsOfFit, LinesOfRecord]:
     """Poles, their errors and coefficients of most likelihood; those before, if the steps do not end."""
     begin, lines, m = poles, now, len(poles)

@@ -8,6 +8,7 @@ import numpy as np
 
 from femtune.errors import FemtuneError
 from femtune.identification.modal_fit import ModalFit, deviance_at, fit_modes
+from femtune.identification.modal_solve import OutsideTerms
 from femtune.identification.near_band import APART, explains, fit_with_neighbours
 from femtune.modal import freq_and_damping, pole_of
 from femtune.modal.equalise import LARGEST_DAMPING_RATIO
@@ -21,7 +22,7 @@ _FARTHEST = 0.03
 
 
 def with_mode_near(
-    fit: ModalFit, terms: tuple[str, ...], freq_hz: float, damping_ratio: float, decay: float = 0.0
+    fit: ModalFit, terms: OutsideTerms, freq_hz: float, damping_ratio: float, decay: float = 0.0
 ) -> ModalFit | None:
     """The fit with a further mode near a frequency.
 

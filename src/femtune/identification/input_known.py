@@ -31,7 +31,7 @@ from femtune.identification.join import FitQuality, complete_lines, fit_quality,
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.late_channels import late_notices
 from femtune.identification.modal_fit import ModalFit, fit_modes
-from femtune.identification.modal_solve import OUT_OF_BAND, modal_basis
+from femtune.identification.modal_solve import OutsideTerms, modal_basis, outside_terms
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
 from femtune.identification.near_band import fit_with_neighbours
@@ -57,6 +57,8 @@ FIXED_ORDER = "N4SID"
 """Method of a fixed order."""
 _GROWS = 3.0
 """Standard deviations by which a pole must grow without the window for the window to be doubted."""
+_HARDLY_FALLS = 0.8
+"""Value of a window at the end of the record from which it hardly has an effect: usual ones fall to a hundredth."""
 _SAMPLES_PER_PERIOD = 10.24
 """Delays of channels are looked for in steps of a quarter of a sample, with 2.56 samples a period at the last line."""
 
@@ -200,7 +202,7 @@ def identify_frfs(
         ``identify.missing-pair``, ``identify.missing-lines``, ``identify.no-candidate``, ``identify.rigid-modes``,
         ``identify.no-driving-point``
     """
-    told = list(check_frfs(frfs))
+    told = [*check_frfs(frfs), *_weak_window(frfs, asked.decay)]
     roving = asked.by_reciprocity and len(frfs.references) > len(frfs.responses)
     used = _without_dead(frfs)
     if roving:
@@ -235,7 +237,7 @@ def _identified(
     chosen = np.flatnonzero([c.chosen for c in candidates])
     if not len(chosen):
         raise NoModesChosen("identify.no-poles", _moved_table(table, shift), candidates, whole)
-    start, terms = chosen_poles(candidates, table).poles, terms_outside(asked)
+    start, terms = chosen_poles(candidates, table).poles, outside_terms(shift)
     lines = of_record if of_record is None or asked.band_hz is None else of_record.inside(*band)
     fitted, known = (elastic, errors) if lines is None else (lines.frfs, None)
 
@@ -311,7 +313,7 @@ def _candidates(
     return table, candidates
 
 
-def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tuple[str, ...]) -> ModalFit:
+def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: OutsideTerms) -> ModalFit:
     """The fit to all lines of a record, shown beside its functions.
 
     Means over lines would blur sharp peaks, and a response that the end of the record cuts off has other functions.
@@ -328,6 +330,17 @@ def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: tu
         coherence = coherence_of_fit(whole, fit.synthesised.values[:, 0], rest.frfs.values[:, 0])
         frfs = replace(frfs, values=model + binned(rest)[0].values, coherence=coherence[:, None])
     return replace(fit, measured=frfs, synthesised=synthesised)
+
+
+def _weak_window(frfs: FrfSet, decay: float) -> tuple[Notice, ...]:
+    """A warning of a window that hardly falls in a record of 1/Δf seconds, as with a time constant in ms."""
+    if not decay or len(frfs.freq_hz) < 2:
+        return ()
+    seconds = 1.0 / float(np.median(np.diff(frfs.freq_hz)))
+    end = float(np.exp(-decay * seconds))
+    if end < _HARDLY_FALLS:
+        return ()
+    return (Notice("identify.window-weak", seconds=1.0 / decay, block=seconds, end=100.0 * end),)
 
 
 def _growing(fit: ModalFit, shift: float) -> tuple[Notice, ...]:
@@ -370,11 +383,6 @@ def _poles(frfs: FrfSet, method: str, order: int, sd: NDArray[np.float64] | None
     if method == "N4SID":
         return n4sid_poles(subspace(frfs, order, sd=sd), range(2, order + 1, 2))
     return plscf_poles(normal_equations(frfs, order // 2, sd), range(2, order // 2 + 1))
-
-
-def terms_outside(asked: InputKnown) -> tuple[str, ...]:
-    """Out-of-band terms: a mass line below the band only if rigid-body motion remains there."""
-    return OUT_OF_BAND if asked.rigid is None else ("upper",)
 
 
 def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: InputKnown) -> SystemFit:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
-from femtune.dofs import DofSet
+from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.modal import FrfSet, frac
 
@@ -30,6 +31,31 @@ def join_frfs(sets: Sequence[FrfSet]) -> FrfSet:
     for frfs in reversed(sets):
         _put(values, frfs, lines, responses, references)
     return FrfSet(lines, values, responses, references, sets[0].kind, source=sets[0].source)
+
+
+def join_ranges(sets: Sequence[FrfSet]) -> FrfSet:
+    """As `join_frfs`, but of a later set only lines outside the range that an earlier one has for a pair.
+
+    A second test adds its low frequencies to those of the first, and leaves the first as it is.
+    """
+    kept: list[FrfSet] = []
+    for frfs in sets:
+        values = frfs.values.copy()
+        for before in kept:
+            for (i, dof), (j, force) in product(enumerate(frfs.responses), enumerate(frfs.references)):
+                low, high = _range(before, dof, force)
+                values[i, j, (frfs.freq_hz >= low) & (frfs.freq_hz <= high)] = np.nan
+        kept.append(replace(frfs, values=values))
+    return join_frfs(kept)
+
+
+def _range(frfs: FrfSet, dof: Dof, force: Dof) -> tuple[float, float]:
+    """First and last line of a pair; an empty range where it has none."""
+    if dof not in frfs.responses or force not in frfs.references:
+        return np.inf, -np.inf
+    i, j = DofSet([dof]).align(frfs.responses)[0][0], DofSet([force]).align(frfs.references)[0][0]
+    known = frfs.freq_hz[np.isfinite(frfs.values[i, j])]
+    return (float(known[0]), float(known[-1])) if len(known) else (np.inf, -np.inf)
 
 
 def _union(sets: Sequence[DofSet]) -> DofSet:

@@ -21,7 +21,14 @@ from scipy.special import chdtri
 from femtune.arrays import Complexes, Flags, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.join import complete_lines
-from femtune.identification.modal_solve import OUT_OF_BAND, Solved, left_squares, modal_basis, solve_residues
+from femtune.identification.modal_solve import (
+    OUT_OF_BAND,
+    OutsideTerms,
+    Solved,
+    left_squares,
+    modal_basis,
+    solve_residues,
+)
 from femtune.identification.whole_record import WholeRecord
 from femtune.modal import FrfSet
 
@@ -128,7 +135,7 @@ def fit_modes(
     frfs: FrfSet,
     start: Complexes,
     sd: Reals | None = None,
-    terms: tuple[str, ...] = OUT_OF_BAND,
+    terms: OutsideTerms = OUT_OF_BAND,
     most_steps: int = MOST_STEPS,
     neighbours: Complexes = NO_POLES,
     whole: WholeRecord | None = None,
@@ -166,7 +173,7 @@ def fit_modes(
 
 
 def deviance_at(
-    frfs: FrfSet, poles: Complexes, sd: Reals | None, terms: tuple[str, ...], whole: WholeRecord | None = None
+    frfs: FrfSet, poles: Complexes, sd: Reals | None, terms: OutsideTerms, whole: WholeRecord | None = None
 ) -> float:
     """The `deviance` of a fit that keeps its poles; arguments and errors as of `fit_modes`."""
     used = complete_lines(frfs)
@@ -181,7 +188,7 @@ def deviance_at(
     return problem.deviance(problem.solve(poles))
 
 
-def _check_start(poles: Complexes, frfs: FrfSet, terms: tuple[str, ...]) -> None:
+def _check_start(poles: Complexes, frfs: FrfSet, terms: OutsideTerms) -> None:
     if not len(poles):
         raise FemtuneError("identify.no-poles")
     unknowns = 2 * len(poles) + len(terms)
@@ -196,7 +203,7 @@ def _check_start(poles: Complexes, frfs: FrfSet, terms: tuple[str, ...]) -> None
 class _Problem:
     frfs: FrfSet
     sd: Reals | None
-    terms: tuple[str, ...]
+    terms: OutsideTerms
     whole: WholeRecord | None = None
 
     def solve(self, poles: Complexes) -> Solved:

@@ -17,8 +17,21 @@ from femtune.modal.frf_set import KINDS
 # Functions of frequency that the modal model is a sum of, and their derivatives by the poles.
 
 
-OUT_OF_BAND = ("lower", "upper")
+@dataclass(frozen=True)
+class WindowedMass:
+    """The term L/(iω + σ)² of a mass below the band in functions with an exponential window, σ in rad/s."""
+
+    decay: float
+
+
+OutsideTerms = tuple[str | WindowedMass, ...]
+OUT_OF_BAND: OutsideTerms = ("lower", "upper")
 """Real terms for what lies outside the band: a mass below it, a stiffness above it."""
+
+
+def outside_terms(decay: float) -> OutsideTerms:
+    """`OUT_OF_BAND` of functions with an exponential window, σ = `decay` in rad/s."""
+    return (WindowedMass(decay), "upper") if decay else OUT_OF_BAND
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +139,7 @@ def with_cut_decays(
     )
 
 
-def modal_basis(freq_hz: Reals, poles: Complexes, kind: str, terms: tuple[str, ...] = OUT_OF_BAND) -> PartialFractions:
+def modal_basis(freq_hz: Reals, poles: Complexes, kind: str, terms: OutsideTerms = OUT_OF_BAND) -> PartialFractions:
     """The columns at frequency lines.
 
     Parameters
@@ -134,16 +147,22 @@ def modal_basis(freq_hz: Reals, poles: Complexes, kind: str, terms: tuple[str, .
     freq_hz : (k,) above 0
     poles : (m,) in rad/s, upper half plane
     kind : of the functions
-    terms : names out of OUT_OF_BAND
+    terms : out of OUT_OF_BAND, or of `outside_terms`
     """
     i_omega = 2j * np.pi * freq_hz[:, None]
     factor = i_omega ** KINDS.index(kind)
     up, down = 1.0 / (i_omega - poles), 1.0 / (i_omega - poles.conj())
     columns = [up + down, 1j * (up - down)]
-    columns += [{"lower": i_omega**-2, "upper": np.ones_like(i_omega)}[name] for name in terms]
+    columns += [_outside(term, i_omega) for term in terms]
     a, b = up**2, down**2
     by_decay = np.hstack([a + b, 1j * (a - b)])
     return PartialFractions(factor * np.hstack(columns), factor * by_decay, len(poles))
+
+
+def _outside(term: str | WindowedMass, i_omega: NDArray) -> NDArray:
+    if isinstance(term, WindowedMass):
+        return np.asarray((i_omega + term.decay) ** -2)
+    return {"lower": i_omega**-2, "upper": np.ones_like(i_omega)}[term]
 
 
 def real_rows(values: NDArray) -> Reals:

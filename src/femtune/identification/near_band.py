@@ -15,6 +15,7 @@ from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Reals
 from femtune.identification.modal_fit import ModalFit, deviance_at, fit_modes
+from femtune.identification.modal_solve import OutsideTerms
 from femtune.identification.whole_record import WholeRecord
 from femtune.modal import FrfSet, freq_and_damping, pole_of
 
@@ -35,7 +36,7 @@ _FARTHEST = 2.0
 
 
 def fit_with_neighbours(
-    frfs: FrfSet, start: Complexes, sd: Reals | None, terms: tuple[str, ...], whole: WholeRecord | None = None
+    frfs: FrfSet, start: Complexes, sd: Reals | None, terms: OutsideTerms, whole: WholeRecord | None = None
 ) -> ModalFit:
     """The modal fit, with up to `MOST` further modes below the band and above it, where each explains more than chance.
 
@@ -79,7 +80,7 @@ class _Search:
     frfs: FrfSet
     start: Complexes
     sd: Reals | None
-    terms: tuple[str, ...]
+    terms: OutsideTerms
     whole: WholeRecord | None
 
     def fit(self, inside: Complexes, neighbours: Complexes, below: float) -> ModalFit | None:

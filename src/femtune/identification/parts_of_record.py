@@ -21,7 +21,7 @@ from scipy.special import chdtri, stdtrit
 from femtune.arrays import Complexes, Flags, Integers, Reals
 from femtune.identification.force_noise import LinesOfRecord, lines_at, noise_of, slopes_of_function
 from femtune.identification.modal_fit import ModalFit
-from femtune.identification.modal_solve import OUT_OF_BAND
+from femtune.identification.modal_solve import OUT_OF_BAND, OutsideTerms
 from femtune.identification.whole_record import WholeRecord
 
 CHANCE = 1e-3
@@ -52,7 +52,7 @@ _NORMAL = 1.96
 """Quantile of the normal distribution by which intervals are drawn."""
 
 
-def with_parts_of_time(fit: ModalFit, whole: WholeRecord, terms: tuple[str, ...] = OUT_OF_BAND) -> ModalFit:
+def with_parts_of_time(fit: ModalFit, whole: WholeRecord, terms: OutsideTerms = OUT_OF_BAND) -> ModalFit:
     """The fit of a whole record with the scatter of its poles over parts of the time.
 
     Returns

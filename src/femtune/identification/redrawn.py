@@ -27,7 +27,7 @@ from scipy.linalg import qr
 from femtune.arrays import Complexes, Flags, Reals
 from femtune.identification.kinds import Drawing
 from femtune.identification.modal_fit import ModalFit, fit_modes
-from femtune.identification.modal_solve import Solved, modal_basis, real_rows, solve_residues
+from femtune.identification.modal_solve import OutsideTerms, Solved, modal_basis, real_rows, solve_residues
 from femtune.identification.rigid_body import rigid_body_motion, without_rigid_body
 from femtune.identification.shapes import as_modes
 from femtune.identification.state_space_fit import SystemFit, system_fit
@@ -70,7 +70,7 @@ class RedrawnTest:
     measured: FrfSet
     fit: ModalFit
     system: SystemFit
-    terms: tuple[str, ...]
+    terms: OutsideTerms
     moved: Flags
     damping_ratio: float
     freq_hz: Reals

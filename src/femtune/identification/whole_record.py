@@ -19,7 +19,13 @@ from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Reals
 from femtune.dofs import DofSet
-from femtune.identification.modal_solve import PartialFractions, modal_basis, with_cut_decays, with_transients
+from femtune.identification.modal_solve import (
+    OutsideTerms,
+    PartialFractions,
+    modal_basis,
+    with_cut_decays,
+    with_transients,
+)
 from femtune.modal import FrfSet, TimeSeries
 
 MOST_VALUES = 4_000_000
@@ -77,7 +83,7 @@ class WholeRecord:
         """(k,) weights of the lines, inverses of the noise of Y/U but for a factor."""
         return np.asarray(np.abs(self.force) / self.colour)
 
-    def basis(self, poles: Complexes, terms: tuple[str, ...]) -> PartialFractions:
+    def basis(self, poles: Complexes, terms: OutsideTerms) -> PartialFractions:
         """The columns of the functions with their transients."""
         frfs = self.frfs
         modal = modal_basis(frfs.freq_hz, poles, frfs.kind, terms)

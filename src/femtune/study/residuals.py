@@ -96,8 +96,8 @@ class AskedOf:
         if "equalised" not in self.shared:
             with errors_at(self.file.where("equalise", "rigid_body")):
                 modes = rigid(test.frfs) if table.rigid_body and rigid is not None else None
-            asked = identification_of(self.file, test, modes)
             with errors_at(self.file.where("equalise")):
+                asked = identification_of(self.file, test, modes)
                 equalised = equalised_test(test.frfs, table.damping, asked, table.lines, table.leave_out_hz)
             self.shared["equalised"] = replace(equalised, frfs=self.case.without_held(equalised.frfs))
         return self.shared["equalised"]
@@ -176,6 +176,8 @@ def _compared_lines(file: StudyFile, case: StudyCase) -> Reals | None:
     if table is None:
         return case.test.frfs.freq_hz
     with errors_at(file.where("equalise")):
+        # its options are checked
+        identification_of(file, case.test)
         return check_equalised_lines(case.test.frfs, table.damping, table.band_hz, table.lines, table.not_compared_hz)
 
 

@@ -125,7 +125,9 @@ class AskedAntiresonances(AtFirstState):
         entry = asked.entry
         measured, places, notices = _functions(asked)
         top = np.inf if entry.to_hz is None else entry.to_hz
-        search = ZeroSearch(entry.from_hz, top, entry.half_width, entry.depth, entry.most_damping, entry.above_noise)
+        search = ZeroSearch(
+            entry.from_hz, top, entry.half_width, entry.depth, entry.most_damping, entry.above_noise, asked.decay
+        )
         in_test = found_antiresonances(measured, search)
         zeros, count = in_test.zeros, in_test.in_noise
         if count:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from femtune.arrays import Complexes, Reals
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError
+from femtune.identification.window import without_window
 from femtune.modal import FrfSet, as_kind
 
 _FIT_TERMS = 6
@@ -80,6 +81,7 @@ class ZeroSearch:
     most_damping : |Im μ|/Re μ at most; a shallow minimum between two poles has a root far from the real axis
     above_noise : magnitude of the smaller peak beside a minimum over the noise of the lines, at least; 0 accepts minima
         of noise
+    decay : 1/τ in rad/s of an exponential window with which the functions were made; zeros are those without it
     """
 
     from_hz: float = 0.0
@@ -88,6 +90,7 @@ class ZeroSearch:
     depth: float = 0.5
     most_damping: float = 0.05
     above_noise: float = 8.0
+    decay: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,7 @@ def measured_antiresonances(frfs: FrfSet, search: ZeroSearch | None = None) -> t
 def found_antiresonances(frfs: FrfSet, search: ZeroSearch | None = None) -> FoundZeros:
     """The same, with the number of minima that are left out as noise."""
     search = search or ZeroSearch()
-    accelerance = as_kind(frfs, "accelerance")
+    accelerance = as_kind(without_window(frfs, search.decay), "accelerance")
     valleys: list[_Valley] = []
     antiresonances: list[Antiresonance] = []
     for i, j in np.ndindex(frfs.values.shape[:2]):
@@ -147,6 +150,8 @@ def _of_function(
     last = 0.0
     for valley in valleys:
         root, sd, lines = _root(x, values, valley, search.half_width)
+        # a window moves ω of a zero by i/τ
+        root = complex((np.sqrt(root) - 1j * search.decay) ** 2)
         if not _is_zero(root, x[lines], search) or root.real <= last * (1.0 + _SAME_ZERO):
             continue
         last = root.real
