@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from femtune.correlation import NotTested, ReducedMass, reduce_mass
+from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.modal.shape_criteria import cross_orthogonality
 from femtune.model.live.matrices import solved
@@ -74,7 +75,11 @@ def page_reduced_mass(state: CaseState, live: LiveModel, sensors: NDArray, point
         kept = kept or full.kept
         if own.kept != kept or full.kept != kept:
             return None
-        worst, count = max(worst, _difference(own, full, test.shapes, seen)), count + 1
+        try:
+            worst, count = max(worst, _difference(own, full, test.shapes, seen)), count + 1
+        except FemtuneError:
+            # a test shape that is zero at the sensors: its orthogonality is not tested either
+            return None
     if kept is None or worst > _MOST_DIFFERENCE:
         return None
     return LiveReducedMass(sensors=kept, points=count, difference=worst)
