@@ -10,10 +10,10 @@ import pytest
 from femtune.errors import FemtuneError, Notice
 from femtune.identification import EqualisedTest, InputKnown, equalised_test, identify_frfs
 from femtune.identification.guided import with_mode_near
-from femtune.identification.join import join_ranges
 from femtune.identification.redrawn import RedrawnTest
 from femtune.identification.rigid_body import rigid_body_motion
 from femtune.modal import FrfSet, ModeSet
+from femtune.modal.joined import join_ranges
 
 from ..messages.shown import check_shown
 from .conftest import Known
@@ -77,6 +77,7 @@ def check_draws(of: RedrawnTest) -> None:
     assert np.linalg.norm(found - exact) < 0.1 * np.linalg.norm(exact)
 
 
+@pytest.mark.slow
 def test_a_window_that_was_stronger_than_the_decay_is_told() -> None:
     found = identify_frfs(windowed("accelerance", 1e-3), replace(ORDER, exponential_s=0.25 * TAU))
     (notice,) = [n for n in found.notices if n.code == "identify.window-too-strong"]

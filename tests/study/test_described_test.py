@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from scipy.io import savemat
 
@@ -55,3 +56,23 @@ def test_modes_and_functions_in_two_files(tmp_path: Path) -> None:
     found = ft.correlate(study_of(tmp_path, f'["{modes.name}", "f.uff"]'))
     assert len(found.pairs) > 0
     assert min(row["mac"] for row in found.pairs) > 0.99
+
+
+@pytest.mark.slow
+def test_lines_of_a_second_file_are_added_by_identification_and_study(tmp_path: Path) -> None:
+    """Of a range that the first file has, its lines alone are used."""
+    responded(tmp_path)
+    lines = {"from_hz": 2.0, "to_hz": 10.0, "step_hz": 0.25, "ratio": 0.01}
+    deck = tmp_path / example_deck(tmp_path).name
+    ft.respond(deck, inputs=["5Z+"], outputs=["3Z+", "5Z+"], uff=tmp_path / "low.uff", units="m-kg-s", **lines)
+    (tmp_path / "test.toml").write_text('[identify]\nfrfs = ["f.uff", "low.uff"]\nlargest_order = 12\n')
+    expected = np.concatenate([np.arange(2.0, 5.0, 0.25), np.arange(5.0, 60.5, 0.5)])
+    for files in ('"test.toml"', '["f.uff", "low.uff"]'):
+        test = load_study(study_of(tmp_path, files)).cases[0].test
+        assert test is not None
+        assert test.frfs is not None
+        complete = np.isfinite(test.frfs.values).all(axis=(0, 1))
+        np.testing.assert_allclose(test.frfs.freq_hz[complete], expected)
+        assert "test.joined-frfs" in {n.code for n in test.notices}
+    identified = ft.identify(tmp_path / "test.toml", output=tmp_path / "identified")
+    assert len(identified.modes) >= 1

@@ -122,6 +122,7 @@ def test_the_worst_fit_is_judged_with_the_window(bench: Bench) -> None:
     assert notice.facts["first"] < 0.01
 
 
+@pytest.mark.slow
 def test_a_described_test_has_its_window_and_a_contradiction_is_refused(bench: Bench) -> None:
     measure(bench, tau=TAU)
     described(bench, TAU)

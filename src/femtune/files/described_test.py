@@ -49,7 +49,7 @@ def read_described(file: IdentifyFile) -> DescribedFunctions:
     if not all(universal):
         functions = DescribedFunctions(_of_tables(file))
     else:
-        content = read_universal(UffFile(paths[0], paths[1:]), units, _stated(file))
+        content = read_universal(UffFile(paths[0], paths[1:]), units, _stated(file)).as_one()
         # they say which functions are no FRFs
         with with_notices(content.notices):
             frfs = _only(content.frf_sets, ", ".join(map(str, paths)))

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         reciprocity,
     )
     from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs
-    from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band, join_frfs
+    from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
     from femtune.identification.modal_fit import ModalFit, fit_modes
     from femtune.identification.n4sid import Subspace, n4sid_poles, subspace, subspace_poles
     from femtune.identification.periodic import PeriodicFrfs, periodic_frfs, stepped_frfs
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         scaled_shapes,
     )
     from femtune.identification.state_space_fit import SystemFit, fit_system, residual_poles, stable_poles, system_fit
+    from femtune.modal.joined import join_frfs
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 

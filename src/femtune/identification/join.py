@@ -1,77 +1,15 @@
-"""Sets of functions of several bands and channels as one, and how well a model repeats each function."""
+"""How well a model repeats each function, and which lines an identification uses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
-from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.modal import FrfSet, frac
-
-
-def join_frfs(sets: Sequence[FrfSet]) -> FrfSet:
-    """All functions at all lines, NaN where a set lacks them; where two sets have a value the earlier one counts.
-
-    Raises
-    ------
-    FemtuneError : ``identify.kinds-differ`` for sets of different kinds or none at all
-    """
-    kinds = {frfs.kind for frfs in sets}
-    if len(kinds) != 1:
-        raise FemtuneError("identify.kinds-differ", values={"kinds": ", ".join(sorted(kinds))})
-    lines = np.unique(np.concatenate([frfs.freq_hz for frfs in sets]))
-    responses, references = _union([frfs.responses for frfs in sets]), _union([frfs.references for frfs in sets])
-    values = np.full((len(responses), len(references), len(lines)), np.nan, dtype=complex)
-    for frfs in reversed(sets):
-        _put(values, frfs, lines, responses, references)
-    return FrfSet(lines, values, responses, references, sets[0].kind, source=sets[0].source)
-
-
-def join_ranges(sets: Sequence[FrfSet]) -> FrfSet:
-    """As `join_frfs`, but of a later set only lines outside the range that an earlier one has for a pair.
-
-    A second test adds its low frequencies to those of the first, and leaves the first as it is.
-    """
-    kept: list[FrfSet] = []
-    for frfs in sets:
-        values = frfs.values.copy()
-        for before in kept:
-            for (i, dof), (j, force) in product(enumerate(frfs.responses), enumerate(frfs.references)):
-                low, high = _range(before, dof, force)
-                values[i, j, (frfs.freq_hz >= low) & (frfs.freq_hz <= high)] = np.nan
-        kept.append(replace(frfs, values=values))
-    return join_frfs(kept)
-
-
-def _range(frfs: FrfSet, dof: Dof, force: Dof) -> tuple[float, float]:
-    """First and last line of a pair; an empty range where it has none."""
-    if dof not in frfs.responses or force not in frfs.references:
-        return np.inf, -np.inf
-    i, j = DofSet([dof]).align(frfs.responses)[0][0], DofSet([force]).align(frfs.references)[0][0]
-    known = frfs.freq_hz[np.isfinite(frfs.values[i, j])]
-    return (float(known[0]), float(known[-1])) if len(known) else (np.inf, -np.inf)
-
-
-def _union(sets: Sequence[DofSet]) -> DofSet:
-    seen: dict[tuple[int, str], int] = {}
-    dofs = [dof for one in sets for dof in one]
-    for i, dof in enumerate(dofs):
-        seen.setdefault((dof.node, dof.direction), i)
-    return DofSet(dofs[i] for i in seen.values())
-
-
-def _put(values: NDArray, frfs: FrfSet, lines: Reals, responses: DofSet, references: DofSet) -> None:
-    rows, sign = frfs.responses.align(responses)
-    columns, turn = frfs.references.align(references)
-    at = np.ix_(rows, columns, np.searchsorted(lines, frfs.freq_hz))
-    signed = frfs.values * sign[:, None, None] * turn[None, :, None]
-    values[at] = np.where(np.isfinite(signed), signed, values[at])
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from femtune.correlation import map_sensors, rigid_motion_sensor
 from femtune.correlation.generalised import GeneralisedSensor
 from femtune.dofs import DIRECTIONS, parse_dof
-from femtune.errors import FemtuneError, Notice, Where
+from femtune.errors import FemtuneError, Notice
 from femtune.files.described_test import described_test
 from femtune.files.deviations import with_deviations
 from femtune.files.frequency_table import frequencies_alone
@@ -34,6 +34,7 @@ from femtune.units import unit_system
 if TYPE_CHECKING:
     from femtune.correlation import SensorMap
     from femtune.dofs import DofSet
+    from femtune.errors import Where
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, HoldOutEntry, StudyFile
     from femtune.files.uff import UffContent
@@ -291,7 +292,7 @@ def _read_test(
             units = unit_system(entry.test_units) if entry.test_units else file.study.unit_system
             unplaced = convert_units(read_shape_table(paths[0], units, entry.name), file.study.unit_system)
         else:
-            unplaced = _joined(_content(file, entry, _parsed(paths, tests)))
+            unplaced = _content(file, entry, _parsed(paths, tests)).as_one().test
         unplaced = scaled_coordinates(_with_deviations(file, entry, unplaced), entry.coordinate_factor)
         test = place(unplaced, entry.rotation, entry.origin, allow_mirrored=entry.left_handed)
         notices = (*unplaced.notices, *check_test(test))
@@ -315,22 +316,6 @@ def measured_frequencies(file: StudyFile) -> ModalTest:
 def _parsed(paths: list[Path], tests: dict[Path, UffFile]) -> UffFile:
     """One file, or several files of one test."""
     return tests.setdefault(paths[0], UffFile(paths[0])) if len(paths) == 1 else UffFile(paths[0], tuple(paths[1:]))
-
-
-def _joined(content: UffContent) -> ModalTest:
-    """The test of a file, with FRFs of several sets of lines as one, if they are of one kind."""
-    sets = content.frf_sets
-    if len(sets) < 2 or len({frfs.kind for frfs in sets}) > 1:
-        return content.test
-    from femtune.identification.join import join_ranges  # noqa: PLC0415  few tests have several sets
-
-    frfs = join_ranges(sets)
-    ranges = ", ".join(f"{len(one.freq_hz)} lines from {one.freq_hz[0]:g} to {one.freq_hz[-1]:g} Hz" for one in sets)
-    told = Notice(
-        "test.joined-frfs", level="info", where=Where(content.test.source), sets=ranges, lines=len(frfs.freq_hz)
-    )
-    others = (n for n in content.test.notices if n.code != "uff.several-frf-sets")
-    return replace(content.test, frfs=frfs, notices=(*others, told))
 
 
 def _with_deviations(file: StudyFile, entry: ConfigurationEntry, test: ModalTest) -> ModalTest:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from femtune.files.uff.mode_records import ModeRecord, mode_set, read_mode_recor
 from femtune.files.uff.scan import DataSet, scan_uff
 from femtune.files.uff.unit_records import file_unit_system
 from femtune.modal import FrfSet, ModeSet
+from femtune.modal.joined import join_ranges
 from femtune.testdata import ModalTest, WireFrame, convert_frfs, convert_units, sensors_at
 from femtune.units import UnitSystem
 
@@ -56,6 +57,21 @@ class UffContent:
     file_units: UnitSystem
     data_sets: dict[int, int]
     notices: tuple[Notice, ...]
+
+    def as_one(self) -> UffContent:
+        """With FRFs of one kind at several sets of lines as one set, of which a notice says so.
+
+        Of the same function a later set adds only lines outside the range of an earlier one. Else as it is.
+        """
+        sets = self.frf_sets
+        if len(sets) < 2 or len({frfs.kind for frfs in sets}) > 1:
+            return self
+        frfs = join_ranges(sets)
+        said = ", ".join(f"{len(one.freq_hz)} lines from {one.freq_hz[0]:g} to {one.freq_hz[-1]:g} Hz" for one in sets)
+        where = Where(self.test.source)
+        told = Notice("test.joined-frfs", level="info", where=where, sets=said, lines=len(frfs.freq_hz))
+        notices = (*(n for n in self.notices if n.code != "uff.several-frf-sets"), told)
+        return replace(self, test=replace(self.test, frfs=frfs, notices=notices), frf_sets=(frfs,), notices=notices)
 
 
 @dataclass(frozen=True, eq=False)
