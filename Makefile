@@ -32,7 +32,7 @@ NOT_QUICK := $(addprefix examples/cases/,$(addsuffix /run.py,bootstrap_identifie
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser firefox bench bench-small bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-posterior bench-calibration bench-judge bench-health bench-sensors bench-page bench-live bench-newcomer bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser firefox bench bench-small bench-identification bench-laboratory bench-surrogates bench-search bench-optimise bench-chain bench-posterior bench-building bench-calibration bench-judge bench-health bench-sensors bench-page bench-live bench-newcomer bench-fuzz fuzz-records bench-solver-files bench-stories mutants readers release-check cluster-check container-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -179,6 +179,9 @@ bench-chain: $(VENV)/.stamp-test  ## from measured FRFs to parameters, on simula
 
 bench-posterior: $(VENV)/.stamp-test  ## how often intervals of the posterior hold beside wrong models; takes many hours and can be interrupted (BENCH_ARGS="--each 4": an hour)
 	@$(ONE_THREAD) $(BIN)/python benchmarks/posterior/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+bench-building: $(VENV)/.stamp-test  ## the posterior of the benchmark building beside a sequential Monte Carlo method; takes a quarter of an hour
+	@$(ONE_THREAD) $(BIN)/python benchmarks/posterior/building.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 bench-calibration: $(VENV)/.stamp-test  ## simulation-based calibration of the posterior; takes hours and can be interrupted (BENCH_ARGS="--each 10": minutes)
 	@$(ONE_THREAD) $(BIN)/python benchmarks/posterior/calibration.py $(or $(BENCH_ARGS),--evidence docs/evidence)

@@ -50,7 +50,7 @@ def with_mode_near(
     least = np.inf
     for pole in places:
         try:
-            deviance = deviance_at(fit.measured, np.append(fit.poles, pole), None, terms)
+            deviance = deviance_at(fit.measured, np.append(fit.poles, pole), fit.line_sd, terms)
         except (np.linalg.LinAlgError, FemtuneError):
             continue
         if deviance < least:
@@ -58,13 +58,13 @@ def with_mode_near(
     if best is None:
         return None
     try:
-        trial = fit_modes(fit.measured, np.append(inside, best), None, terms, neighbours=outside)
+        trial = fit_modes(fit.measured, np.append(inside, best), fit.line_sd, terms, neighbours=outside)
     except (np.linalg.LinAlgError, FemtuneError):
         return None
     if not trial.converged or not explains(trial, fit) or not _is_near(trial, len(inside), freq_hz, decay):
         return None
     start = trial.poles[~trial.outside][np.argsort(trial.begun_at[~trial.outside])]
-    whole = fit_with_neighbours(fit.measured, start, None, terms)
+    whole = fit_with_neighbours(fit.measured, start, fit.line_sd, terms)
     return _left_as(fit, whole if _is_near(whole, len(inside), freq_hz, decay) else trial)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.arrays import Complexes
+from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.identification.beyond_band import system_beyond
 from femtune.identification.choice import (
@@ -35,6 +35,7 @@ from femtune.identification.modal_solve import OutsideTerms, modal_basis, outsid
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
 from femtune.identification.near_band import fit_with_neighbours
+from femtune.identification.noise_law import noise_at_peaks, with_noise_by_magnitude
 from femtune.identification.parts_of_record import with_parts_of_time
 from femtune.identification.plscf import normal_equations, plscf_poles
 from femtune.identification.pole_table import PoleTable, join_tables
@@ -245,7 +246,8 @@ def _identified(
         return fit_modes(fitted, inside, known, terms, neighbours=outside, whole=lines, below=below)
 
     def search(inside: Complexes) -> ModalFit:
-        return fit_with_neighbours(fitted, inside, known, terms, lines)
+        found = fit_with_neighbours(fitted, inside, known, terms, lines)
+        return found if lines is not None or known is not None else with_noise_by_magnitude(found, inside, terms)
 
     fit = search(start)
     # functions that were made elsewhere have errors that are no noise: frequencies that change between hits, windows
@@ -278,7 +280,7 @@ def _identified(
     step_s = 1.0 / (_SAMPLES_PER_PERIOD * float(whole.freq_hz[-1]))
     late = late_notices(shapes, freq_and_damping(fit.poles[fit.reported])[0], labels, step_s, counted=False)
     phases = late or quadrature_notices(shapes, labels)
-    notices = (*left, *told, *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
+    notices = (*left, *told, *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates, errors))
     return IdentifiedModes(
         modes=as_modes(fit, asked.real, tuple(candidates[i].name or str(r + 1) for r, i in enumerate(clusters))),
         system=system,
@@ -391,9 +393,14 @@ def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: In
     )
 
 
-def _ends(fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:
-    """How the iterations ended, and candidates that came near to being modes."""
+def _ends(
+    fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...], stated: Reals | None
+) -> tuple[Notice, ...]:
+    """What the noise is, how the iterations ended, and candidates that came near to being modes."""
     remarks = [Notice("identify.no-noise")] if without_noise(fit) else []
+    if fit.line_sd is not None and stated is None:
+        part, floor = noise_at_peaks(fit)
+        remarks.append(Notice("identify.noise-by-magnitude", level="info", percent=100.0 * part, floor=100.0 * floor))
     if not fit.converged:
         remarks.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
     if fit.outside.any():

@@ -37,7 +37,8 @@ MOST_STEPS = 30
 SMALL = 1e-9
 """Steps of all poles below this fraction of their modulus end the iteration."""
 SMALL_GAIN = 1e-4
-"""Decrease of χ² of a whole record that ends the iteration: the poles are within a hundredth of their errors."""
+"""Decrease of χ² of a whole record, or by stated noise, that ends the iteration: the poles are within a hundredth of
+their errors."""
 HOPELESS = 30.0
 """Factor on the decrease that two steps in turn predict, above which a fit is ended if more is missing for it to be of
 use. Of fits that decrease by more than 10 after a step, half decrease by no more than three times what it predicts,
@@ -45,6 +46,8 @@ nine of ten by 49 times."""
 _FARTHEST = 5.0
 """Largest magnitude of a pole over the highest line of a whole record: at five times the Nyquist frequency a strongly
 damped motion decays to 1e-7 within a sample."""
+_MOST_OF_DAMPING = 0.9
+"""Part of its decay rate that a pole loses in a step at most."""
 NO_POLES: Complexes = np.zeros(0, complex)
 
 
@@ -78,6 +81,7 @@ class ModalFit:
     by_noise : (m,) part of the standard deviation of each pole that is noise alone
     by_force : (m, 2) relative change of each frequency from the part with the smallest force to that with the largest,
         and the ratio of these forces; NaN where the frequency does not follow the force
+    line_sd : (n, u, k) standard deviations by which the values were weighted; None where each function has one level
     """
 
     poles: Complexes
@@ -100,6 +104,7 @@ class ModalFit:
     by_parts: Reals | None = None
     by_noise: Reals | None = None
     by_force: Reals | None = None
+    line_sd: Reals | None = None
 
     def transposed(self) -> ModalFit:
         """The fit with responses and references exchanged; not of a whole record, which has one reference."""
@@ -116,6 +121,7 @@ class ModalFit:
             own_covariance=turned(self.own_covariance),
             pole_effect=turned(self.pole_effect),
             sd=turned(self.sd),
+            line_sd=None if self.line_sd is None else turned(self.line_sd),
             synthesised=self.synthesised.transposed(),
             measured=self.measured.transposed(),
         )
@@ -220,6 +226,11 @@ class _Problem:
         return _deviance(now, len(self.frfs.freq_hz), self.sd is not None)
 
     @property
+    def has_noise(self) -> bool:
+        """Whether the errors are those of a measurement: functions without stated noise may be exact."""
+        return self.whole is not None or self.sd is not None
+
+    @property
     def farthest(self) -> float:
         """Largest magnitude of a pole, rad/s. What decays within a sample has no transient that a record could show."""
         return np.inf if self.whole is None else _FARTHEST * 2.0 * np.pi * float(self.frfs.freq_hz[-1])
@@ -235,7 +246,7 @@ def _iterate(problem: _Problem, poles: Complexes, most_steps: int, below: float)
     for step in range(most_steps):
         move = np.linalg.lstsq(now.normal, now.gradient, rcond=1e-13)[0]
         predicted = float(now.gradient @ move)
-        if problem.whole is not None and 0.0 <= predicted < SMALL_GAIN:
+        if problem.has_noise and 0.0 <= predicted < SMALL_GAIN:
             return poles, now, step, True
         if problem.deviance(now) - HOPELESS * max(predicted, before) > below:
             return poles, now, step, False
@@ -248,11 +259,16 @@ def _iterate(problem: _Problem, poles: Complexes, most_steps: int, below: float)
 
 
 def _shortened(problem: _Problem, poles: Complexes, delta: Complexes, now: Solved) -> tuple[Complexes, Solved, float]:
-    """The step, halved until the poles decay and the weighted errors do not grow; length 0 where none does."""
+    """The step, halved until the weighted errors do not grow; length 0 where it would have to be too short.
+
+    A pole takes a smaller part of the step alone if it would not decay: the others need not wait for it.
+    """
     length, farthest = 1.0, max(problem.farthest, float(np.abs(poles).max()))
     while length > 1e-3:
-        trial = poles + length * delta
-        if (trial.real < 0.0).all() and (trial.imag > 0.0).all() and (np.abs(trial) <= farthest).all():
+        step = length * delta
+        excess = np.maximum(step.real / (_MOST_OF_DAMPING * -poles.real), 1.0)
+        trial = poles + step / excess
+        if (trial.imag > 0.0).all() and (np.abs(trial) <= farthest).all():
             after = problem.solve(trial)
             if np.sum(after.squares / now.variance) <= np.sum(now.squares / now.variance) * (1.0 + 1e-12):
                 return trial, after, length
@@ -296,6 +312,7 @@ def _as_fit(
         np.zeros(m, bool),
         problem.deviance(now),
         ends,
+        line_sd=problem.sd,
     )
 
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtri
 
-from femtune.arrays import Complexes, Reals
-from femtune.identification.modal_fit import ModalFit, deviance_at, fit_modes
+from femtune.arrays import Complexes, Flags, Reals
+from femtune.identification.join import at_lines
+from femtune.identification.modal_fit import NO_POLES, ModalFit, deviance_at, fit_modes
 from femtune.identification.modal_solve import OutsideTerms
 from femtune.identification.whole_record import WholeRecord
 from femtune.modal import FrfSet, freq_and_damping, pole_of
@@ -27,22 +29,32 @@ MOST = 3
 """Modes on one side of the band."""
 _LEAST_DAMPING = 1e-3
 """Damping ratio of a trial pole beyond the band at least, where the poles of the band have next to none."""
+_MOST_DAMPING = 0.9
+"""Damping ratio of a trial pole at most."""
 APART = 0.1
 """Distance of two neighbours in half bandwidths below which they are one."""
 ENOUGH_LINES = 3000
 """Lines of a whole record by which places beyond the band are compared."""
+_ENOUGH_VALUES = 20_000
+"""Values with weights of their own by which they are compared: the cost is proportional to their number."""
 _FARTHEST = 2.0
 """Factor on the ends of the band within which a pole beyond it is accepted; others act as a static or mass line."""
 
 
 def fit_with_neighbours(
-    frfs: FrfSet, start: Complexes, sd: Reals | None, terms: OutsideTerms, whole: WholeRecord | None = None
+    frfs: FrfSet,
+    start: Complexes,
+    sd: Reals | None,
+    terms: OutsideTerms,
+    whole: WholeRecord | None = None,
+    known: Complexes = NO_POLES,
 ) -> ModalFit:
     """The modal fit, with up to `MOST` further modes below the band and above it, where each explains more than chance.
 
     Parameters
     ----------
     frfs, start, sd, terms, whole : as for `fit_modes`
+    known : poles outside the band with which the search begins
 
     Returns
     -------
@@ -53,7 +65,7 @@ def fit_with_neighbours(
     FemtuneError : as `fit_modes`
     """
     search = _Search(frfs, np.asarray(start, complex), sd, terms, whole)
-    fit = fit_modes(frfs, start, sd, terms, whole=whole)
+    fit = fit_modes(frfs, start, sd, terms, neighbours=known, whole=whole)
     while True:
         sides = [above for above in (False, True) if _number(fit, above=above) < MOST]
         trials = [trial for above in sides if (trial := search.refined(fit, (above,))) is not None]
@@ -96,11 +108,27 @@ class _Search:
         """Deviance of the fit with these poles; infinite if their residues are not unique."""
         try:
             if self.whole is None:
-                return deviance_at(self.frfs, poles, self.sd, self.terms)
+                return deviance_at(self._some, poles, self._some_sd, self.terms)
             some = self.whole.thinned(ENOUGH_LINES)
             return deviance_at(some.frfs, poles, None, self.terms, some)
         except np.linalg.LinAlgError:
             return float("inf")
+
+    @cached_property
+    def _some(self) -> FrfSet:
+        """Functions by which places are compared: of those with weights of their own, evenly chosen lines."""
+        return self.frfs if self.sd is None else at_lines(self.frfs, self._every_so_many)
+
+    @cached_property
+    def _some_sd(self) -> Reals | None:
+        return None if self.sd is None else self.sd[:, :, self._every_so_many]
+
+    @property
+    def _every_so_many(self) -> Flags:
+        n, u, k = self.frfs.values.shape
+        least = 4 * (len(self.start) + 2 * MOST + len(self.terms))
+        step = max(min(n * u * k // _ENOUGH_VALUES, k // least), 1)
+        return np.asarray(np.arange(k) % step == 0)
 
     def refined(self, fit: ModalFit, sides: tuple[bool, ...]) -> ModalFit | None:
         """The fit with a mode on each of the sides (True: above); None if they explain no more than noise does."""
@@ -122,7 +150,7 @@ class _Search:
         gaps = np.array(GAPS)
         at = lines[-1] * (1.0 + gaps) if above else lines[0] * (1.0 - gaps)
         typical = max(float(np.median(freq_and_damping(self.start)[1])), _LEAST_DAMPING)
-        damping = (typical, 4.0 * typical) if more else (typical,)
+        damping = [min(one, _MOST_DAMPING) for one in ((typical, 4.0 * typical) if more else (typical,))]
         return pole_of(np.repeat(at, len(damping)), np.tile(damping, len(at)))
 
     def _inside(self, fit: ModalFit) -> Complexes:

@@ -16,7 +16,7 @@ least squares problems whose variables separate, SIAM J. Numerical Analysis 10.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -27,7 +27,14 @@ from scipy.linalg import qr
 from femtune.arrays import Complexes, Flags, Reals
 from femtune.identification.kinds import Drawing
 from femtune.identification.modal_fit import ModalFit, fit_modes
-from femtune.identification.modal_solve import OutsideTerms, Solved, modal_basis, real_rows, solve_residues
+from femtune.identification.modal_solve import (
+    OutsideTerms,
+    PartialFractions,
+    Solved,
+    modal_basis,
+    real_rows,
+    solve_residues,
+)
 from femtune.identification.rigid_body import rigid_body_motion, without_rigid_body
 from femtune.identification.shapes import as_modes
 from femtune.identification.state_space_fit import SystemFit, system_fit
@@ -196,7 +203,8 @@ class RedrawnTest:
         changed = self.changed(change)
         inside = ~self.fit.outside
         neighbours = self.fit.poles[self.fit.outside]
-        sd = np.broadcast_to(self.fit.sd[:, :, None], changed.values.shape)
+        own = self.fit.line_sd
+        sd = np.broadcast_to(self.fit.sd[:, :, None], changed.values.shape) if own is None else own
         fit = fit_modes(self._to_fit(changed), self.fit.poles[inside], sd, self.terms, neighbours=neighbours)
         poles = np.concatenate([fit.poles, self.system.poles[len(fit.poles) :]])
         system = system_fit(self._elastic(changed), poles, start=self.system.participations)
@@ -253,11 +261,15 @@ class RedrawnTest:
     def _poles(self) -> _PoleSteps:
         freq, fit = self.measured.freq_hz, self.fit
         basis = modal_basis(freq, fit.poles, self.measured.kind, self.terms)
-        values = self._to_fit(self.measured).values.reshape(-1, len(freq))
-        solved = solve_residues(values, basis, None, len(fit.poles))
-        columns, slopes = real_rows(basis.columns), real_rows(basis.slopes)
-        Q = qr(columns / np.linalg.norm(columns, axis=0), mode="economic", check_finite=False)[0]
-        return _PoleSteps(slopes - Q @ (Q.T @ slopes), solved)
+        values, m = self._to_fit(self.measured).values.reshape(-1, len(freq)), len(fit.poles)
+        weights = None if fit.line_sd is None else np.sqrt(2.0) / fit.line_sd.reshape(values.shape)
+        solved = solve_residues(values, basis, weights, m)
+        if weights is None:
+            weights = 1.0 / np.sqrt(solved.variance)[:, None]
+            across = [_slopes_across(basis, np.ones(len(freq)))]
+        else:
+            across = [_slopes_across(basis, one) / np.tile(one, 2)[:, None] for one in weights]
+        return _PoleSteps(across, weights, solved)
 
     @cached_property
     def _ends(self) -> _EndSteps:
@@ -277,22 +289,31 @@ def _outer(shapes: Complexes, participations: Complexes) -> Complexes:
 # Gauss-Newton steps of the poles, residues eliminated.
 
 
+def _slopes_across(basis: PartialFractions, weights: Reals) -> Reals:
+    """(2k, 4m) weighted slopes of the columns by the poles, without what the weighted columns themselves can do."""
+    columns, slopes = (real_rows(part * weights[:, None]) for part in (basis.columns, basis.slopes))
+    Q = qr(columns / np.linalg.norm(columns, axis=0), mode="economic", check_finite=False)[0]
+    return np.asarray(slopes - Q @ (Q.T @ slopes))
+
+
 @dataclass(frozen=True, eq=False)
 class _PoleSteps:
     """Steps of the modal fit at its solution.
 
     Parameters
     ----------
-    across : (2k, 4m) slopes of the columns by the poles, without what the columns themselves can do
+    across : (2k, 4m) of each function, or one of all, slopes by the poles without what residues can do
+    weights : (F, k), or (F, 1), inverses of the standard deviation of one real part
     solved : residues and normal equations there
     """
 
-    across: Reals
+    across: Sequence[Reals]
+    weights: Reals
     solved: Solved
 
     @property
     def _modes(self) -> int:
-        return self.across.shape[1] // 4
+        return len(self.solved.gradient) // 2
 
     @cached_property
     def _coefficients(self) -> Reals:
@@ -304,20 +325,25 @@ class _PoleSteps:
 
     def step(self, change: Complexes) -> Complexes:
         """(m,) change of the poles with (F, k) changes of the functions."""
-        sums = (self.across.T @ real_rows(change.T)).reshape(2, 2, self._modes, -1)
-        gradient = np.einsum("aprf,fpr,f->ar", sums, self._coefficients, 1.0 / self.solved.variance, optimize=True)
-        move = self._inverse @ gradient.ravel()
+        rows = real_rows((self.weights**2 * change).T)
+        if len(self.across) == 1:
+            sums = self.across[0].T @ rows
+        else:
+            sums = np.stack([one.T @ row for one, row in zip(self.across, rows.T)], axis=1)
+        sums = sums.reshape(2, 2, self._modes, -1)
+        move = self._inverse @ np.einsum("aprf,fpr->ar", sums, self._coefficients, optimize=True).ravel()
         return move[: self._modes] + 1j * move[self._modes :]
 
     @cached_property
     def leverage(self) -> Reals:
         """(k,) mean over the functions."""
-        across = self.across.reshape(-1, 2, 2, self._modes)
-        rows = np.zeros(len(across))
-        for c, variance in zip(self._coefficients, self.solved.variance):
-            slopes = np.einsum("iapr,pr->iar", across, c).reshape(len(rows), -1)
-            rows += np.einsum("ij,ij->i", slopes @ self._inverse, slopes) / variance
-        return np.asarray(rows.reshape(2, -1).mean(axis=0) / len(self._coefficients))
+        lines = len(self.across[0]) // 2
+        rows = np.zeros((2, lines))
+        for f, (c, weights) in enumerate(zip(self._coefficients, self.weights)):
+            across = self.across[min(f, len(self.across) - 1)].reshape(-1, 2, 2, self._modes)
+            slopes = np.einsum("iapr,pr->iar", across, c).reshape(2 * lines, -1)
+            rows += np.einsum("ij,ij->i", slopes @ self._inverse, slopes).reshape(2, lines) * weights**2
+        return np.asarray(rows.mean(axis=0) / len(self._coefficients))
 
 
 # ----------------------------------------------------------------------------------------------------
