@@ -350,9 +350,9 @@ def page(rows: list[Compared]) -> Iterator[str]:
     yield "(1 % of frequencies, 0.1 of entries of shapes), without errors of the model. The reference is a sequential"
     yield "Monte Carlo method on models with six degrees of freedom, written for this comparison:"
     yield f"{PARTICLES:,} particles begin with the prior, the power of the likelihood is raised in steps that leave"
-    yield f"{100 * LEFT:g} % of them effective, and each is moved {MOVES} times at each power and {LAST_MOVES} times at the"
-    yield "end. It is run twice, independently; the table has the largest difference of a quantile between both runs. σ"
-    yield "is the standard deviation of the reference. Made by `make bench-building`."
+    yield f"{100 * LEFT:g} % of them effective, and each is moved {MOVES} times at each power and {LAST_MOVES} times at"
+    yield "the end. It is run twice, independently; the table has the largest difference of a quantile between both"
+    yield "runs. σ is the standard deviation of the reference. Made by `make bench-building`."
     yield ""
     yield (
         "| problem | both runs differ by | medians differ by | 2.5 and 97.5 % quantiles differ by | ln Z, reference | "
