@@ -159,6 +159,12 @@ def test_motions_on_a_suspension_are_no_modes_and_keep_their_damping() -> None:
 
 
 @pytest.mark.slow
+def test_a_suspension_above_the_band_leaves_no_mode() -> None:
+    with pytest.raises(FemtuneError) as caught:
+        identify_frfs(windowed("receptance"), InputKnown((5.0, 35.0), largest_order=16, suspension_hz=60.0))
+    check_shown("identify.suspension", caught.value)
+
+
 def test_a_mode_that_is_looked_for_later_does_not_make_motions_on_a_suspension_modes() -> None:
     """The damping of a window is known where a mode is looked for."""
     frfs = windowed("accelerance", 1e-3)

@@ -91,6 +91,15 @@ def test_further_bands_and_channels(eight_modes: Any) -> None:
     np.testing.assert_allclose(system.frf(_LINES).values, frfs.values, atol=1e-5 * np.abs(frfs.values).max())
 
 
+def test_lines_that_differ_by_rounding_are_one(three_modes: Any) -> None:
+    """4 + 0.02 k and 14 + 0.1 k give 14.2 Hz with other last bits."""
+    fine, coarse = 4.0 + 0.02 * np.arange(600), 14.0 + 0.1 * np.arange(60)
+    whole = join_frfs([three_modes.frfs(fine), three_modes.frfs(coarse)])
+    assert len(np.intersect1d(fine, coarse)) < 20
+    assert len(whole.freq_hz) == 600 + 60 - 20
+    assert np.isfinite(whole.values).all()
+
+
 def test_joined_functions_take_the_signs_of_the_first(three_modes: Any) -> None:
     frfs = three_modes.frfs(_LINES)
     turned = FrfSet(_LINES, -frfs.values, DofSet.parse(["1Z-", "2Z-", "3Z-"]), frfs.references, frfs.kind)

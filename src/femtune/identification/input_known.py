@@ -200,8 +200,8 @@ def identify_frfs(
     Raises
     ------
     FemtuneError : ``identify.no-poles`` where no cluster is a mode, ``identify.few-lines``, ``identify.band``,
-        ``identify.missing-pair``, ``identify.missing-lines``, ``identify.no-candidate``, ``identify.rigid-modes``,
-        ``identify.no-driving-point``
+        ``identify.suspension``, ``identify.missing-pair``, ``identify.missing-lines``, ``identify.no-candidate``,
+        ``identify.rigid-modes``, ``identify.no-driving-point``
     """
     told = [*check_frfs(frfs), *_weak_window(frfs, asked.decay)]
     roving = asked.by_reciprocity and len(frfs.references) > len(frfs.responses)
@@ -300,6 +300,8 @@ def _candidates(
     elastic: FrfSet, asked: InputKnown, errors: NDArray[np.float64] | None, band: tuple[float, float]
 ) -> tuple[PoleTable, tuple[Candidate, ...]]:
     """All poles of all methods and orders, and their clusters with the choice of modes among them."""
+    if asked.suspension_hz >= band[1]:
+        raise FemtuneError("identify.suspension", suspension_hz=asked.suspension_hz, high_hz=band[1])
     largest, methods = asked.largest_order, asked.methods
     if asked.order is not None:
         largest, methods = max(largest, asked.order), tuple(dict.fromkeys((FIXED_ORDER, *methods)))

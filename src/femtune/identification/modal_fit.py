@@ -261,14 +261,16 @@ def _iterate(problem: _Problem, poles: Complexes, most_steps: int, below: float)
 def _shortened(problem: _Problem, poles: Complexes, delta: Complexes, now: Solved) -> tuple[Complexes, Solved, float]:
     """The step, halved until the weighted errors do not grow; length 0 where it would have to be too short.
 
-    A pole takes a smaller part of the step alone if it would not decay: the others need not wait for it.
+    Of functions a pole takes a smaller part of the step alone if it would not decay: the others need not wait for it.
+    In a whole record all wait: poles outside the band that are fitted so can stand for modes in it.
     """
     length, farthest = 1.0, max(problem.farthest, float(np.abs(poles).max()))
     while length > 1e-3:
         step = length * delta
-        excess = np.maximum(step.real / (_MOST_OF_DAMPING * -poles.real), 1.0)
-        trial = poles + step / excess
-        if (trial.imag > 0.0).all() and (np.abs(trial) <= farthest).all():
+        if problem.whole is None:
+            step = step / np.maximum(step.real / (_MOST_OF_DAMPING * -poles.real), 1.0)
+        trial = poles + step
+        if (trial.real < 0.0).all() and (trial.imag > 0.0).all() and (np.abs(trial) <= farthest).all():
             after = problem.solve(trial)
             if np.sum(after.squares / now.variance) <= np.sum(now.squares / now.variance) * (1.0 + 1e-12):
                 return trial, after, length

@@ -168,6 +168,8 @@ def chosen_modes(found: OperationalModes, candidates: tuple[Candidate, ...]) -> 
     at = [c.at for c in candidates if c.chosen]
     names = tuple(c.name or str(i + 1) for i, c in enumerate(c for c in candidates if c.chosen))
     modes = replace(_modes(table, at, moved), labels=names)
+    if moved:
+        modes = _with_scatter_over_orders(modes, table, [c for c in candidates if c.chosen])
     return replace(found, modes=modes, complex_shapes=table.shapes[:, at], candidates=candidates)
 
 
@@ -286,6 +288,24 @@ def _modes(table: PoleTable, at: Sequence[int], moved: dict[int, PoleScatter]) -
         shapes_sd=np.stack([s[2] for s in sd], axis=1) if sd else None,
         source=", ".join(dict.fromkeys(table.method)),
     )
+
+
+def _with_scatter_over_orders(modes: ModeSet, table: PoleTable, chosen: Sequence[Candidate]) -> ModeSet:
+    """Modes whose standard deviations contain the choice of the order: σ² plus the variance over the stable poles.
+
+    All orders with the pole count alike; the variance is by the quantiles of 16 and 84 %, which single poles do not
+    move.
+
+    Source: S. T. Buckland, K. P. Burnham, N. H. Augustin (1997), Model selection: an integral part of inference,
+    Biometrics 53, with equal weights.
+    """
+    assert modes.freq_sd_hz is not None
+    assert modes.damping_sd is not None
+    freq, ratio = (
+        np.array([0.5 * np.ptp(np.quantile(values[c.members], (0.16, 0.84))) for c in chosen])
+        for values in (table.freq_hz, table.damping_ratio)
+    )
+    return replace(modes, freq_sd_hz=np.hypot(modes.freq_sd_hz, freq), damping_sd=np.hypot(modes.damping_sd, ratio))
 
 
 def _deviations(table: PoleTable, i: int, moved: dict[int, PoleScatter]) -> tuple[float, float, Reals]:

@@ -14,6 +14,9 @@ from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.modal.frf_set import FrfSet
 
+_SAME = 1e-9
+"""Relative difference of lines that is rounding."""
+
 
 def join_frfs(sets: Sequence[FrfSet]) -> FrfSet:
     """All functions at all lines, NaN where a set lacks them; where two sets have a value the earlier one counts.
@@ -25,7 +28,7 @@ def join_frfs(sets: Sequence[FrfSet]) -> FrfSet:
     kinds = {frfs.kind for frfs in sets}
     if len(kinds) != 1:
         raise FemtuneError("identify.kinds-differ", values={"kinds": ", ".join(sorted(kinds))})
-    lines = np.unique(np.concatenate([frfs.freq_hz for frfs in sets]))
+    lines = _lines(sets)
     responses, references = _union([frfs.responses for frfs in sets]), _union([frfs.references for frfs in sets])
     shape = len(responses), len(references), len(lines)
     values, coherence = np.full(shape, np.nan, dtype=complex), np.full(shape, np.nan)
@@ -66,6 +69,12 @@ def _range(frfs: FrfSet, dof: Dof, force: Dof) -> tuple[float, float]:
     return (float(known[0]), float(known[-1])) if len(known) else (np.inf, -np.inf)
 
 
+def _lines(sets: Sequence[FrfSet]) -> Reals:
+    """(k,) lines of all sets; those that differ by rounding are one."""
+    lines = np.unique(np.concatenate([frfs.freq_hz for frfs in sets]))
+    return lines[np.append(True, np.diff(lines) > _SAME * lines[1:])]
+
+
 def _union(sets: Sequence[DofSet]) -> DofSet:
     seen: dict[tuple[int, str], int] = {}
     dofs = [dof for one in sets for dof in one]
@@ -80,5 +89,5 @@ def _places(
     """Where the values of a set are among all, and its values there with their signs."""
     rows, sign = frfs.responses.align(responses)
     columns, turn = frfs.references.align(references)
-    at = np.ix_(rows, columns, np.searchsorted(lines, frfs.freq_hz))
+    at = np.ix_(rows, columns, np.searchsorted(lines, frfs.freq_hz * (1.0 - _SAME)))
     return at, np.asarray(frfs.values * sign[:, None, None] * turn[None, :, None], complex)
