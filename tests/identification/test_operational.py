@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.identification.kinds import OUTPUT_ONLY
-from femtune.identification.operational import Operational, by_covariances, independent_rows, prepared, segment_of
+from femtune.identification.operational import (
+    Operational,
+    by_covariances,
+    chosen_modes,
+    independent_rows,
+    prepared,
+    segment_of,
+)
 from femtune.modal import Channel, TimeSeries
 from femtune.modal.shape_criteria import mac
 from structures.laboratory import Clock, MeasuringChain, plant_of_matrices, simulated_test, white_noise
@@ -72,6 +81,21 @@ def test_records_are_resampled_to_the_band():
     assert ready.samples == 2000
     assert segment_of(ready, Operational((0.5, 8.0))) == 250
     assert segment_of(ready, Operational((0.5, 8.0), resolution_hz=0.15)) == 128
+
+
+def test_deviations_contain_the_scatter_over_orders():
+    """A pole of one order alone has the deviation by the correlations; the variance over orders is added to it."""
+    for duration_s in (200.0, 1200.0):
+        found = by_covariances(record(duration_s=duration_s)[1], Operational((1.0, 12.0), 24))
+        alone = [replace(c, members=np.array([c.at])) for c in found.candidates]
+        of_order = chosen_modes(found, tuple(alone)).modes
+        chosen = [found.table.freq_hz[c.members] for c in found.candidates if c.chosen]
+        spread = [1.4826 * np.median(np.abs(hz - np.median(hz))) for hz in chosen]
+        assert min(spread) > 0.0
+        assert found.modes.freq_sd_hz == pytest.approx(np.hypot(of_order.freq_sd_hz, spread), rel=1e-12)
+        assert (found.modes.damping_sd > of_order.damping_sd).all()
+        # a low order that has the second mode elsewhere, in the longer record, does not count
+        assert (found.modes.freq_sd_hz < 1.25 * of_order.freq_sd_hz).all()
 
 
 def test_deviations_stand_beside_what_they_are_of():

@@ -293,8 +293,8 @@ def _modes(table: PoleTable, at: Sequence[int], moved: dict[int, PoleScatter]) -
 def _with_scatter_over_orders(modes: ModeSet, table: PoleTable, chosen: Sequence[Candidate]) -> ModeSet:
     """Modes whose standard deviations contain the choice of the order: σ² plus the variance over the stable poles.
 
-    All orders with the pole count alike; the variance is by the quantiles of 16 and 84 %, which single poles do not
-    move.
+    All orders with the pole count alike; the variance is by the median deviation from the median, which a few low
+    orders with a pole of their own do not move.
 
     Source: S. T. Buckland, K. P. Burnham, N. H. Augustin (1997), Model selection: an integral part of inference,
     Biometrics 53, with equal weights.
@@ -302,10 +302,15 @@ def _with_scatter_over_orders(modes: ModeSet, table: PoleTable, chosen: Sequence
     assert modes.freq_sd_hz is not None
     assert modes.damping_sd is not None
     freq, ratio = (
-        np.array([0.5 * np.ptp(np.quantile(values[c.members], (0.16, 0.84))) for c in chosen])
+        np.array([_robust_deviation(values[c.members]) for c in chosen])
         for values in (table.freq_hz, table.damping_ratio)
     )
     return replace(modes, freq_sd_hz=np.hypot(modes.freq_sd_hz, freq), damping_sd=np.hypot(modes.damping_sd, ratio))
+
+
+def _robust_deviation(values: Reals) -> float:
+    """Standard deviation of a normal distribution with the median deviation of these values from their median."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
 def _deviations(table: PoleTable, i: int, moved: dict[int, PoleScatter]) -> tuple[float, float, Reals]:
