@@ -115,7 +115,7 @@ class Trial:
         inside = hertz[(hertz > LINES[0]) & (hertz < LINES[-1])]
         dropped = f"drop_hz = [{inside[self.number % len(inside)]:.4f}]\n" if self.kind == "missed" else ""
         study = folder / "study.toml"
-        equalise = f"[equalise]\ndamping = {EQUAL}\nlargest_order = 40\n{dropped}{more}"
+        equalise = f"[equalise]\ndamping = {EQUAL}\n{dropped}{more}"
         study.write_text(_HEAD + _TEST + _parameters(self.groups) + equalise, encoding="utf-8")
         return study
 
@@ -153,7 +153,7 @@ def write_specimens(folder: Path, factors: dict[str, float], individual: str, mo
         truth = {**truth, f"{individual}_{name}": own * factor}
     parameters = _parameters(first.groups).replace(f'"{individual}"\n', f'"{individual}"\nindividual = true\n')
     study = folder / "study.toml"
-    equalise = f"[equalise]\ndamping = {EQUAL}\nlargest_order = 40\n{more}"
+    equalise = f"[equalise]\ndamping = {EQUAL}\n{more}"
     study.write_text(_HEAD + _FRFS + configurations + parameters + equalise, encoding="utf-8")
     return study, truth
 

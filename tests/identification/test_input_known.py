@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.identification.conftest import Known
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
 from femtune.identification import InputKnown, equalised_test, identify_frfs
-from femtune.identification.input_known import NoModesChosen
+from femtune.identification.input_known import MOST_ORDER, NoModesChosen, largest_order_of
 from femtune.modal import ModeSet, mac
 
 _LINES = np.linspace(5.0, 62.0, 600)
@@ -196,3 +197,36 @@ def test_the_damping_of_a_hammer_test_that_roves_is_equalised(eight_modes: Any) 
     change = plain.redrawn.draw("noise", np.random.default_rng(1))
     drawn = roving.redrawn.functions(np.swapaxes(change, 0, 1))
     np.testing.assert_allclose(drawn, np.swapaxes(plain.redrawn.functions(change), 0, 1), rtol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def eighteen_modes() -> Known:
+    """More than can be told from models of an order up to 40; six responses, two of them driven."""
+    rng = np.random.default_rng(3)
+    shapes = rng.standard_normal((6, 18)) / 3.0
+    freq = np.linspace(12.0, 95.0, 18) * (1.0 + 0.01 * rng.standard_normal(18))
+    return Known(freq, np.exp(rng.uniform(*np.log([0.002, 0.02]), 18)), shapes, (0, 1))
+
+
+def test_orders_that_end_too_early_are_told_or_raised(eighteen_modes: Known) -> None:
+    """Without the modes that low orders miss, the others are in doubt, and a model that is compared is wrong."""
+    of_one_force = dataclasses.replace(eighteen_modes, inputs=(0,)).frfs(np.linspace(8.0, 100.0, 300), noise=0.003)
+    low = identify_frfs(of_one_force, InputKnown(largest_order=40))
+    assert len(low.modes) < 18
+    (told,) = [n for n in low.notices if n.code == "identify.low-order"]
+    check_shown("identify.low-order", told)
+    raised = identify_frfs(of_one_force, InputKnown(largest_order=40, raised=True))
+    np.testing.assert_allclose(raised.modes.freq_hz, eighteen_modes.freq_hz, rtol=1e-3)
+    assert 40 < largest_order_of(raised.table) <= MOST_ORDER
+    assert np.median(raised.quality.error) < 0.1 * np.median(low.quality.error)
+    assert "identify.low-order" not in [n.code for n in raised.notices]
+    # orders that suffice stay
+    again = identify_frfs(of_one_force, InputKnown(largest_order=largest_order_of(raised.table), raised=True))
+    assert largest_order_of(again.table) == largest_order_of(raised.table)
+
+
+def test_orders_are_raised_as_far_as_the_lines_allow(eighteen_modes: Known) -> None:
+    frfs = eighteen_modes.frfs(np.linspace(8.0, 100.0, 64), noise=0.003)
+    found = identify_frfs(frfs, InputKnown(largest_order=40, raised=True))
+    assert largest_order_of(found.table) == 40
+    assert "identify.low-order" in [n.code for n in found.notices]

@@ -43,18 +43,21 @@ def mixed_record(noise: float) -> TimeSeries:
     return TimeSeries(motion, channels, sampling_hz=RATE)
 
 
-def record(freq: np.ndarray, ratio: np.ndarray, seed: int, phase: float = 0.0, seconds: float = 300.0) -> TimeSeries:
-    """Accelerations at four channels under white forces."""
+def record(
+    freq: np.ndarray, ratio: np.ndarray, seed: int, phase: float = 0.0, seconds: float = 300.0, channels: int = 4
+) -> TimeSeries:
+    """Accelerations under white forces."""
     rng = np.random.default_rng([9, seed])
     m, count = len(freq), round((seconds + 60.0) * RATE)
-    shapes = rng.uniform(0.3, 1.0, (4, m)) * rng.choice((-1.0, 1.0), (4, m)) * np.exp(1j * phase * rng.random((4, m)))
+    turned = np.exp(1j * phase * rng.random((channels, m)))
+    shapes = rng.uniform(0.3, 1.0, (channels, m)) * rng.choice((-1.0, 1.0), (channels, m)) * turned
     w = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / RATE)
     own = 2.0 * np.pi * freq[:, None]
     h = -(w**2) / (own**2 - w**2 + 2j * ratio[:, None] * own * w)
     force = np.fft.rfft(rng.standard_normal((5, count)))
     motion = np.fft.irfft(shapes @ (h * (rng.standard_normal((m, 5)) @ force)), count)[:, round(60.0 * RATE) :]
     motion += 0.02 * motion.std(axis=1, keepdims=True) * rng.standard_normal(motion.shape)
-    return TimeSeries(motion, [Channel(Dof(i + 1, "Z"), "acceleration") for i in range(4)], sampling_hz=RATE)
+    return TimeSeries(motion, [Channel(Dof(i + 1, "Z"), "acceleration") for i in range(channels)], sampling_hz=RATE)
 
 
 def both(measured: TimeSeries) -> tuple[RefinedModes, RefinedModes]:
@@ -122,6 +125,45 @@ def test_channels_of_different_quantities_with_little_noise_are_refined() -> Non
     assert np.all(np.abs(modes.freq_hz[at] - FREQ) < 3.0 * modes.freq_sd_hz[at])
     assert np.all(np.abs(modes.damping_ratio[at] - RATIO) < 3.0 * modes.damping_sd[at])
     assert not np.array_equal(modes.freq_hz, old.modes.modes.freq_hz)
+    # uncertainty law of well separated modes with little noise, and all lines (Au 2014)
+    law = 1.0 / np.sqrt(2.0 * np.pi * RATIO * FREQ * 300.0)
+    assert modes.damping_sd[at] / modes.damping_ratio[at] == pytest.approx(law, rel=0.4)
+
+
+@pytest.mark.slow
+def test_modes_whose_bandwidths_overlap_are_refined_together() -> None:
+    """Each is in the lines around the others, and there is one outside the band."""
+    freq, ratio = np.array([1.7, 3.4, 4.5, 9.0, 17.5]), np.array([0.05, 0.07, 0.07, 0.06, 0.07])
+    inside, sd = [], []
+    for seed in range(6):
+        _, new = both(record(freq, ratio, seed, channels=8))
+        modes = new.modes.modes
+        at = [int(np.argmin(np.abs(modes.freq_hz - f))) for f in freq[:4]]
+        assert len(set(at)) == 4
+        # one may contradict the method before by chance
+        assert len(set(at) & set(new.positions)) >= 3
+        inside.append(np.abs(modes.freq_hz[at] - freq[:4]) < 1.96 * modes.freq_sd_hz[at])
+        inside.append(np.abs(modes.damping_ratio[at] - ratio[:4]) < 1.96 * modes.damping_sd[at])
+        sd.append(modes.damping_sd[at] / ratio[:4])
+    assert np.mean(inside) > 0.85
+    # no less than is known of a mode that is alone
+    assert np.all(np.median(sd, axis=0) < 1.3 / np.sqrt(2.0 * np.pi * ratio[:4] * freq[:4] * 300.0))
+
+
+@pytest.mark.slow
+def test_a_close_pair_with_large_damping_is_divided() -> None:
+    """Two modes a tenth of their bandwidth apart, of which the method has one, and overlapping neighbours."""
+    freq, ratio = np.array([1.7, 3.9, 3.94, 9.0]), np.array([0.04, 0.045, 0.05, 0.04])
+    asked = Operational(BAND, 40)
+    measured = record(freq, ratio, 2, channels=8)
+    found, ready = by_covariances(measured, asked), prepared(measured, asked)
+    near = [c.freq_hz for c in found.candidates if c.chosen and abs(c.freq_hz - 3.92) < 0.4]
+    one = chosen_modes(found, change_choice(found.candidates, drop=near[1:])) if len(near) > 1 else found
+    assert len(one.modes.freq_hz) == 3
+    modes = refined(one, ready, (), asked).modes.modes
+    assert len(modes.freq_hz) == 4
+    assert np.all(np.abs(modes.freq_hz - freq) < 3.0 * modes.freq_sd_hz)
+    assert np.all(np.abs(modes.damping_ratio - ratio) < 3.0 * modes.damping_sd)
 
 
 def test_methods_without_poles_and_short_records_are_left() -> None:

@@ -50,7 +50,7 @@ def drawn(s: ModalSpectrum, band: tuple[float, float], seed: int = 0) -> tuple[S
     hz = STEP * np.arange(round(band[1] / STEP) + 2)
     values = transform(s, hz, seed)
     poles = 2.0 * np.pi * s.freq_hz * (1j - s.damping_ratio)
-    return in_bins(values, STEP, (hz >= band[0]) & (hz <= band[1]), poles), values
+    return in_bins(values, STEP, (hz >= band[0]) & (hz <= band[1]), poles, s.derivatives), values
 
 
 @pytest.mark.parametrize("channels", [1, 3])
@@ -139,9 +139,22 @@ def test_bins_have_all_usable_lines_and_none_else() -> None:
     values = np.random.default_rng(0).standard_normal((2, 1000)) + 0j
     usable = np.arange(1000) > 100
     usable[500:510] = False
-    lines = in_bins(values, STEP, usable, 2.0 * np.pi * np.array([3.0, 7.0]) * (1j - 0.01))
+    lines = in_bins(values, STEP, usable, 2.0 * np.pi * np.array([3.0, 7.0]) * (1j - 0.01), np.zeros(2))
     inside = np.concatenate([np.arange(a, b) for a, b in zip(lines.first, lines.last)])
     assert np.array_equal(inside, np.flatnonzero(usable))
     assert lines.count.sum() == usable.sum()
     whole = np.einsum("b,bij->ij", lines.count, lines.power)
     assert np.allclose(whole, values[:, usable] @ values[:, usable].conj().T)
+
+
+def test_bins_of_different_quantities_have_no_more_than_the_modes() -> None:
+    """Lines of one motion in two quantities: their mean product has rank one also in a wide bin."""
+    hz = STEP * np.arange(1000)
+    motion = np.exp(1j * np.random.default_rng(2).uniform(0.0, 6.28, 1000))
+    values = np.stack([motion, (2j * np.pi * hz) ** 2 * motion])
+    poles = 2.0 * np.pi * np.array([50.0]) * (1j - 0.01)
+    lines = in_bins(values, STEP, hz > 1.0, poles, np.array([0.0, 2.0]))
+    assert lines.count.max() > 100.0
+    unit = np.stack([np.ones(len(lines.omega)), lines.omega**2])
+    of_one = lines.power / (unit.T[:, :, None] * unit.T[:, None, :])
+    assert np.linalg.eigvalsh(of_one)[:, 0] == pytest.approx(0.0, abs=1e-12)

@@ -89,7 +89,8 @@ class IdentifyTable(TomlTable):
     """Frequency band of the identification, Hz; required for time histories. Default for FRFs: all lines. Example:
     `[2.0, 22.0]`"""
     largest_order: Annotated[int, Field(ge=4, le=200)] | None = None
-    """Largest order of the state-space models and polynomials, up to 200. Default: 60. Example: `40`"""
+    """Largest order of the state-space models and polynomials, up to 200. Default: 60; of FRFs up to 120 where there
+    are more modes than can be told from orders up to 60. Example: `40`"""
     methods: Annotated[tuple[MethodWord, ...], Field(min_length=1)] | None = None
     """For FRFs `"N4SID"` and `"pLSCF"`; for records without measured forces `"SSI-cov"`, `"SSI-data"`, `"ERA"`,
     `"FDD"`, `"TFIE"` and `"TFIE-magnitude"` (its published form). The first method gives the modes of a record without

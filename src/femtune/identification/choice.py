@@ -250,6 +250,34 @@ def _share_together(a: Candidate, b: Candidate, table: PoleTable) -> float:
     return max(sum(name == method for name, _ in both) / count for method, count in _orders(table).items())
 
 
+_UPPER = 1.0 / 3.0
+"""Part of the orders, the largest ones, in which clusters are looked for that come back there."""
+_COMES_BACK = 0.5
+"""Part of these orders of a method that have the pole."""
+
+
+def come_back(candidates: Sequence[Candidate], table: PoleTable) -> tuple[Candidate, ...]:
+    """Clusters that half of the largest orders of a method have, whatever share of all orders that is.
+
+    Low orders cannot have all modes. Those that come back in the largest orders and are not chosen show that the orders
+    end too early.
+    """
+    methods = np.array(table.method)
+    upper = dict[str, NDArray[np.int64]]()
+    for name in dict.fromkeys(table.method):
+        orders = np.unique(table.order[methods == name])
+        upper[name] = orders[orders >= orders[-1] - _UPPER * (orders[-1] - orders[0])]
+
+    def comes_back(one: Candidate) -> bool:
+        mine = methods[one.members]
+        return any(
+            np.isin(orders, table.order[one.members][mine == name]).mean() >= _COMES_BACK
+            for name, orders in upper.items()
+        )
+
+    return tuple(c for c in candidates if (c.chosen or c.reason.startswith("stable in")) and comes_back(c))
+
+
 def change_choice(
     candidates: Sequence[Candidate], take: Sequence[float] = (), drop: Sequence[float] = (), within: float = 0.01
 ) -> tuple[Candidate, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
-from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs
+from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs, largest_order_of
 from femtune.identification.join import complete_lines, in_band
 from femtune.identification.modal_solve import outside_terms
 from femtune.identification.redrawn import RedrawnTest
@@ -96,7 +96,14 @@ def equalised_test(
     again = _Again(damping_ratio, asked, per_half_band, left_out)
     redrawn = _redrawn(identified, again, lines, band)
     return EqualisedTest(
-        moved.system.frf(lines), damping_ratio, band, moved, identified, redrawn, again.left_out_hz, asked.largest_order
+        moved.system.frf(lines),
+        damping_ratio,
+        band,
+        moved,
+        identified,
+        redrawn,
+        again.left_out_hz,
+        largest_order_of(identified.table),
     )
 
 

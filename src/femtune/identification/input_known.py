@@ -20,6 +20,7 @@ from femtune.identification.choice import (
     change_choice,
     choose,
     chosen_poles,
+    come_back,
     pick_poles,
     poles_of_order,
 )
@@ -56,6 +57,15 @@ from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 
 FIXED_ORDER = "N4SID"
 """Method of a fixed order."""
+ORDERS_A_MODE = 5.0
+"""Largest order over the number of modes that come back in the largest orders. A mode is taken if it is stable in three
+tenths of the orders; weak ones of many are so only from three and a half times the number of modes on."""
+WORTH_RAISING = 1.2
+"""Factor by which orders are raised at least: less shows no further modes."""
+MOST_ORDER = 120
+"""Largest order to which orders are raised."""
+_LISTED = 8
+"""Frequencies in a message."""
 _GROWS = 3.0
 """Standard deviations by which a pole must grow without the window for the window to be doubted."""
 _HARDLY_FALLS = 0.8
@@ -72,6 +82,7 @@ class InputKnown:
     ----------
     band_hz : where modes are looked for; all lines where None
     largest_order : of N4SID, in steps of two; polynomials of pLSCF go to half of it
+    raised : larger orders are used, up to `MOST_ORDER`, where modes come back in the largest ones only
     methods : out of KNOWN_INPUT
     limits, rule : of stable poles and of modes among them
     take, drop : frequencies in Hz of candidates that are accepted as modes, or rejected, regardless of the rule
@@ -106,6 +117,7 @@ class InputKnown:
     suspension_hz: float = 0.0
     by_reciprocity: bool = True
     order: int | None = None
+    raised: bool = False
 
     @property
     def decay(self) -> float:
@@ -238,6 +250,7 @@ def _identified(
     chosen = np.flatnonzero([c.chosen for c in candidates])
     if not len(chosen):
         raise NoModesChosen("identify.no-poles", _moved_table(table, shift), candidates, whole)
+    low_order = () if of_record is not None or asked.picked or asked.order else _low_order(candidates, table)
     start, terms = chosen_poles(candidates, table).poles, outside_terms(shift)
     lines = of_record if of_record is None or asked.band_hz is None else of_record.inside(*band)
     fitted, known = (elastic, errors) if lines is None else (lines.frfs, None)
@@ -273,7 +286,7 @@ def _identified(
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
     clusters = tuple(chosen[fit.begun_at[fit.reported]].tolist())
     used = whole if of_record is None else fit.measured
-    told = _growing(fit, shift)
+    told = (*low_order, *_growing(fit, shift))
     quality = fit_quality(with_window(system, shift).frf(used.freq_hz), used)
     remarks = (*kept, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic)), white))
     shapes, labels = leading_shapes(fit), whole.responses.labels()
@@ -305,16 +318,57 @@ def _candidates(
     largest, methods = asked.largest_order, asked.methods
     if asked.order is not None:
         largest, methods = max(largest, asked.order), tuple(dict.fromkeys((FIXED_ORDER, *methods)))
-    table = join_tables([_poles(elastic, method, largest, errors) for method in methods])
     limits = replace(asked.limits, band_hz=band)
-    candidates = choose(table, limits, asked.rule)
-    candidates = without_poles_of_noise(candidates, table, elastic, 0.5 * asked.rule.share)
+    table, candidates = _to_order(elastic, methods, largest, limits, asked.rule, errors)
+    while asked.raised and asked.order is None and (wanted := _wanted_order(candidates, table)):
+        try:
+            more = _to_order(elastic, methods, wanted, limits, asked.rule, errors)
+        except FemtuneError as error:
+            if error.code != "identify.few-lines":
+                raise
+            break
+        table, candidates = more
     if asked.order is not None:
         candidates = poles_of_order(candidates, table, FIXED_ORDER, asked.order, limits)
     candidates = change_choice(candidates, asked.take, asked.drop)
     if asked.picked:
         candidates = pick_poles(candidates, _moved_table(table, asked.decay), asked.picked)
     return table, candidates
+
+
+def _to_order(
+    elastic: FrfSet, methods: tuple[str, ...], largest: int, limits: Limits, rule: Rule, errors: Reals | None
+) -> tuple[PoleTable, tuple[Candidate, ...]]:
+    """All poles up to an order, and their clusters as the rule chooses."""
+    table = join_tables([_poles(elastic, method, largest, errors) for method in methods])
+    candidates = choose(table, limits, rule)
+    return table, without_poles_of_noise(candidates, table, elastic, 0.5 * rule.share)
+
+
+def _wanted_order(candidates: tuple[Candidate, ...], table: PoleTable) -> int:
+    """The largest order at which all modes that come back in the largest orders can be told; 0 if that is reached."""
+    back = come_back(candidates, table)
+    wanted = min(2 * round(0.5 * ORDERS_A_MODE * len(back)), MOST_ORDER)
+    return 0 if all(c.chosen for c in back) or wanted < WORTH_RAISING * largest_order_of(table) else wanted
+
+
+def largest_order_of(table: PoleTable) -> int:
+    """The largest order in states; polynomials of pLSCF go to half of it."""
+    of_n4sid = [order for method, order in zip(table.method, table.order) if method == FIXED_ORDER]
+    return int(max(of_n4sid)) if of_n4sid else 2 * int(max(table.order, default=0))
+
+
+def _low_order(candidates: tuple[Candidate, ...], table: PoleTable) -> tuple[Notice, ...]:
+    """A warning of modes that come back in the largest orders and are not taken, where larger orders would tell."""
+    wanted = _wanted_order(candidates, table)
+    if not wanted:
+        return ()
+    back = come_back(candidates, table)
+    names = [f"{c.freq_hz:.4g} Hz" for c in back if not c.chosen]
+    listed = ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+    return (
+        Notice("identify.low-order", largest=largest_order_of(table), count=len(back), names=listed, wanted=wanted),
+    )
 
 
 def _beside_functions(fit: ModalFit, frfs: FrfSet, whole: WholeRecord, terms: OutsideTerms) -> ModalFit:

@@ -1,17 +1,19 @@
 """Modes of a record of responses, refined by maximum likelihood from those that another method has found.
 
-Each group of close modes is fitted to the lines around it (`whittle`), with the tails of all other modes. Where the
-lines are not noise about the model, fewer lines are used, or a mode is divided into two; where that does not help
-either, the group stays as it was.
+All modes are fitted together to all lines of the band (`whittle`), if need be with a mode outside the band that the
+method has not found, or with a mode that is divided into two. Where the lines are not noise about this model, each
+group of close modes is fitted to the lines around it, with the tails of all other modes, and to fewer lines where these
+are not noise either; where that does not help, the group stays as it was.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
+from scipy.signal import fftconvolve
 from scipy.signal.windows import tukey
 from scipy.special import chdtri
 
@@ -23,6 +25,7 @@ from femtune.identification.in_place import allowed_distance
 from femtune.identification.operational import Operational, OperationalModes, real_shape
 from femtune.identification.quantities import DERIVATIVES
 from femtune.identification.whittle import (
+    ROUNDS,
     ModalSpectrum,
     SpectrumFit,
     SpectrumLines,
@@ -30,6 +33,7 @@ from femtune.identification.whittle import (
     fit,
     in_bins,
     misfit,
+    objective,
     score,
     spread,
 )
@@ -43,14 +47,34 @@ TOGETHER = 3.0
 MOST_DIVIDED = 3
 """Modes that are divided at most."""
 TAPERED = 0.02
-"""Part of the record in which it begins and ends smoothly. Ends that are cut have motions that channels of different
-quantities have in different ratios, in all lines; where noise is 50 dB below the record, they are above it."""
+"""Part of the record in which it begins and ends smoothly."""
+HALF_FILTER = 16
+"""Samples on each side of the filter that differentiates channels. Its response is divided out of the lines."""
+FILTER_BETA = 6.0
+"""Parameter of its Kaiser window."""
 LEAST_LINES = 40
 """Lines around a group at least."""
 MOST_TOGETHER = 4
 """Modes of a group."""
 MOST_CHANNELS = 8
-"""Channels from which only their mixtures are used in which modes move; with more mixtures no mode is divided."""
+"""Channels from which only their mixtures are used in which modes move, around a group; with more mixtures no mode of
+it is divided."""
+MOST_VALUES = 2e7
+"""Derivatives of the spectra of all lines up to which all modes are fitted together; these have 0.2 GB."""
+BESIDE = (1.15, 0.85)
+"""Where a mode outside the band is looked for, over the last and the first line."""
+BESIDE_RATIO = 0.05
+"""Its damping ratio at first."""
+MOST_MORE = 3
+"""Modes that are added for this at most, outside the band and by division."""
+MOST_ROUNDS = 40
+"""Steps of scoring of all modes together."""
+LEFT_BY_MORE = 0.5
+"""Part of the misfit that a further mode may leave, so that others are tried."""
+STARTS = 2
+"""Fits by which a mode is divided there."""
+NEAR_END = 0.1
+"""Part of the lines at an end of the band that show its shape."""
 LEAST_TAIL = 0.1
 """Power of the tail of another mode, over the noise of all channels, from which it is in the model."""
 LARGEST_MISFIT = 4.0
@@ -72,6 +96,8 @@ as much."""
 LEFT_BY_TWO = 0.05
 """Part of the misfit of one mode that two may leave before the modes beside them are refined; in the end they have to
 leave no more than noise."""
+TURNS = 4
+"""Pairs of shapes from which the division of a mode starts."""
 KNOWN_DAMPING = 4.0
 """Standard deviations above zero of the damping ratios of both modes into which one is divided."""
 LEAST_APART = 0.05
@@ -82,6 +108,10 @@ LEAST_DIFFERENCE = 0.25
 """Variance of that difference over that of the method before, at least: both variances are estimates."""
 DAMPING = 5.0
 """Ratio of the damping ratios of a mode before and after, beyond which it is another mode."""
+
+
+_Pair = tuple[int, int]
+"""Positions of two modes in a fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,10 +192,10 @@ def refined(
     if not np.all(ratio > 0.0):
         return RefinedModes(found)
     rows = np.flatnonzero(record.values.std(axis=1) > 0.0)
-    data = _data(record, rows, lines, gone, asked.band_hz, table.poles[at])
+    powers = np.array([DERIVATIVES.get(c.quantity, DERIVATIVES["acceleration"]) for c in record.channels], float)[rows]
+    data = _data(record, rows, lines, gone, asked.band_hz, table.poles[at], powers)
     if data is None:
         return RefinedModes(found)
-    powers = np.array([DERIVATIVES.get(c.quantity, DERIVATIVES["acceleration"]) for c in record.channels], float)[rows]
     shapes = np.stack([real_shape(s) for s in table.shapes[rows][:, at].T], axis=1)
     unit = 2.0 * np.pi * float(np.exp(np.mean(np.log(table.freq_hz[at]))))
     shapes = shapes * unit ** (powers - powers.min())[:, None]
@@ -186,27 +216,59 @@ def _data(
     gone: Sequence[Removed],
     band_hz: tuple[float, float],
     poles: Complexes,
+    powers: Reals,
 ) -> _Data | None:
-    rate, samples = record.even_hz, record.samples
-    step_hz = rate / samples
-    hz = step_hz * np.arange(samples // 2 + 1)
-    usable = (hz >= band_hz[0]) & (hz <= min(band_hz[1], 0.48 * rate))
-    values = record.values
-    for one in gone:
-        usable &= np.abs(hz - one.freq_hz) > (one.pieces + 3.0) * step_hz
+    values, beside = record.values, [(one.freq_hz, one.pieces + 3.0) for one in gone]
+    rate, step_hz = record.even_hz, record.even_hz / record.samples
     for line in lines:
-        away = max(line.width_hz, 4.0 * step_hz)
+        steps = max(line.width_hz / step_hz, 4.0)
         try:
             clean, (removed,) = without_lines(replace(record, values=values), [line.freq_hz])
-            values, away = clean.values, (removed.pieces + 3.0) * step_hz
+            values, steps = clean.values, removed.pieces + 3.0
         except FemtuneError:
             pass
-        usable &= np.abs(hz - line.freq_hz) > away
+        beside.append((line.freq_hz, steps))
+    values, response = _as_one_quantity(values[rows], powers, rate)
+    samples = values.shape[1]
+    hz = rate / samples * np.arange(samples // 2 + 1)
+    usable = (hz >= band_hz[0]) & (hz <= min(band_hz[1], 0.48 * rate))
+    for freq, steps in beside:
+        usable &= np.abs(hz - freq) > steps * step_hz
     if np.count_nonzero(usable) < 50:
         return None
     window = tukey(samples, TAPERED)
-    transform = np.fft.rfft(values[rows] * window) / np.sqrt(rate * np.sum(window**2))
-    return _Data(transform, in_bins(transform, step_hz, usable, poles), samples / rate)
+    transform = np.fft.rfft(values * window) / np.sqrt(rate * np.sum(window**2))
+    transform[:, usable] /= response(hz[usable])
+    bins = in_bins(transform, rate / samples, usable, poles, powers)
+    return _Data(transform, bins, samples / rate)
+
+
+def _as_one_quantity(values: Reals, powers: Reals, rate: float) -> tuple[Reals, Callable[[Reals], Complexes]]:
+    """Channels differentiated to the quantity with the most derivatives, and what their lines are multiplied by then.
+
+    A window of the record multiplies what a displacement and an acceleration have at its ends, so that their lines are
+    not those of one motion: in each line there is 50 dB below the record what no mode has. Channels that are
+    differentiated in time before have the same ends. Differentiating in time, and dividing the lines by the response of
+    the filter, leaves the spectra of displacements as they were.
+    """
+    times = np.round(powers.max() - powers).astype(int)
+    steps = np.arange(1, HALF_FILTER + 1)
+    window = np.kaiser(2 * HALF_FILTER + 1, FILTER_BETA)[HALF_FILTER + 1 :]
+    half = rate * window * np.where(steps % 2, 1.0, -1.0) / steps
+    taps = np.concatenate([-half[::-1], [0.0], half])
+    cut = HALF_FILTER * int(times.max())
+    rows = []
+    for channel, count in zip(values, times):
+        row = channel
+        for _ in range(count):
+            row = fftconvolve(row, taps, "same")
+        rows.append(row[cut : len(row) - cut])
+
+    def response(hz: Reals) -> Complexes:
+        once = -2j * np.sin(2.0 * np.pi / rate * hz[:, None] * steps) @ half
+        return np.asarray(once ** times[:, None])
+
+    return np.array(rows), response
 
 
 def _start(lines: SpectrumLines, freq: Reals, ratio: Reals, shapes: Reals, powers: Reals, unit: float) -> ModalSpectrum:
@@ -228,13 +290,124 @@ def _start(lines: SpectrumLines, freq: Reals, ratio: Reals, shapes: Reals, power
 
 
 def _swept(state: _State, data: _Data) -> _State:
-    """All groups; again from the first one after a mode was divided, beside which its neighbours had been fitted."""
+    """All modes; again from the first one after a mode was divided, beside which its neighbours had been fitted."""
     most = len(state.of) + MOST_DIVIDED
     begun = None
     while begun is None or len(state.of) > len(begun.of):
         begun = replace(state, sd=np.full_like(state.sd, np.nan))
-        state = _swept_once(begun, data, len(state.of) < most)
+        may_divide = len(state.of) < most
+        state = _together(begun, data, may_divide)
+        if len(state.of) == len(begun.of):
+            state = _swept_once(state, data, may_divide)
     return state
+
+
+def _together(state: _State, data: _Data, may_divide: bool) -> _State:
+    """All modes by one fit to all lines, or one of them divided; as before where the lines are not noise about it."""
+    inside = np.flatnonzero(state.of < state.inside)
+    window = _window(state.model, data, inside, np.inf, np.inf)
+    if window is None or _values(window) > MOST_VALUES:
+        return state
+    found, two = _of_all(window, may_divide)
+    if found is None:
+        return state
+    if two:
+        first = inside[int(np.flatnonzero(window.free == two[0])[0])]
+        return _with_two(state, int(first), found, two, window)
+    for group in _groups(state.model, inside):
+        state = _accepted(state, data, group, found, window.of(group))
+    return state
+
+
+def _of_all(window: _Window, may_divide: bool) -> tuple[SpectrumFit | None, _Pair | None]:
+    """The fit of all modes, if the lines are noise about it, and the positions of modes that were one before."""
+    lines = window.lines
+    found = _fitted(window, np.arange(len(window.modes)), MOST_ROUNDS)
+    if found is None:
+        return None, None
+    # a fit without a mode that the lines have is further from the right one than the modes of the method
+    start, two = replace(found, spectrum=window.model), None
+    for _ in range(MOST_MORE):
+        left = misfit(found, lines)
+        if left <= LARGEST_MISFIT:
+            break
+        found, pair = _with_one_more(found, start, window, may_divide)
+        if misfit(found, lines) > LEFT_BY_MORE * left:
+            break
+        start, two = found, two or pair
+    return (found, two) if misfit(found, lines) <= LARGEST_MISFIT else (None, None)
+
+
+def _with_one_more(
+    found: SpectrumFit, start: SpectrumFit, window: _Window, may_divide: bool
+) -> tuple[SpectrumFit, _Pair | None]:
+    """With a mode outside the band or one mode as two, and the positions of these two.
+
+    It is the first with which the lines are noise, or else that of the largest likelihood.
+    """
+    lines = window.lines
+    best: tuple[SpectrumFit, _Pair | None] = found, None
+    for over in (*BESIDE, None) if may_divide else BESIDE:
+        if over is None:
+            worst = max(window.free.tolist(), key=lambda j: _misfit_at(found, lines, j))
+            trial, pair = _fitted_as_two(start, window, worst, STARTS), (worst, len(start.spectrum.freq_hz))
+        else:
+            trial, pair = _with_one_beside(start, lines, over), None
+        if trial is None or trial.objective >= best[0].objective:
+            continue
+        best = trial, pair
+        if misfit(trial, lines) <= LARGEST_MISFIT:
+            break
+    trial, pair = best
+    if trial is not found and not trial.converged:
+        trial = fit(trial.spectrum, lines, trial.free, MOST_ROUNDS)
+    return (trial, pair) if 2.0 * (found.objective - trial.objective) > _by_chance(found) else (found, None)
+
+
+def _by_chance(found: SpectrumFit) -> float:
+    """Twice the gain of the likelihood that a further mode has by chance at most."""
+    n, m = found.spectrum.shapes.shape
+    return float(chdtri(2 + n + m, CHANCE))
+
+
+def _values(window: _Window) -> float:
+    n, m = len(window.mix), len(window.modes)
+    return float(len(window.lines.omega)) * n**2 * (2 * m + n * m + m * (m + 1) / 2 + n)
+
+
+def _misfit_at(found: SpectrumFit, lines: SpectrumLines, j: int) -> float:
+    """That of the lines within the bandwidth of a mode."""
+    near = _near(lines, found.spectrum, np.array([j]), 1.0)
+    return misfit(found, lines.select(near)) if near.any() else 0.0
+
+
+def _with_one_beside(found: SpectrumFit, lines: SpectrumLines, over: float) -> SpectrumFit | None:
+    """With a mode outside the band."""
+    s, last = found.spectrum, over > 1.0
+    hz = over * float(lines.omega.max() if last else lines.omega.min()) / (2.0 * np.pi)
+    near = np.argsort(lines.omega)[:: -1 if last else 1][: max(round(NEAR_END * len(lines.omega)), 1)]
+    omega, count = lines.omega[near], lines.count[near]
+    scale = (1j * omega[:, None] / s.unit) ** s.derivatives
+    left = (lines.power[near] - s.at(omega)) / (scale[:, :, None] * scale[:, None, :].conj())
+    root, m = np.sqrt(s.noise), len(s.freq_hz)
+    value, vectors = np.linalg.eigh(np.tensordot(count / count.sum(), left / np.outer(root, root), 1).real)
+    shape = root * vectors[:, -1]
+    largest = float(np.abs(shape).max())
+    size = 2.0 * BESIDE_RATIO * (2.0 * np.pi * hz) ** 2
+    forces = np.pad(s.forces, ((0, 1), (0, 1)))
+    more = replace(
+        s, freq_hz=np.append(s.freq_hz, hz), damping_ratio=np.append(s.damping_ratio, BESIDE_RATIO),
+        shapes=np.column_stack([s.shapes, shape / largest]), size=np.append(s.size, size), forces=forces,
+        colour=np.zeros(0),
+    )  # fmt: skip
+    seen = np.average(np.abs(more.responses(omega)[:, -1]) ** 2, weights=count)
+    forces[-1, -1] = max(value[-1], 1.0) * largest**2 / seen
+    try:
+        trial = fit(more, lines, np.arange(m + 1))
+    except np.linalg.LinAlgError:
+        return None
+    # one that has come into the band is for the division of modes
+    return trial if (trial.spectrum.freq_hz[-1] > hz / over) == last else None
 
 
 def _swept_once(state: _State, data: _Data, may_divide: bool) -> _State:
@@ -280,6 +453,7 @@ class _Window:
     Parameters
     ----------
     model : those of the modes that are seen there
+    modes : positions of these among all modes
     free : of them the group
     mix : (r, n) of the channels
     back : (n, r) shapes of the channels from those of the mixtures
@@ -287,14 +461,19 @@ class _Window:
 
     model: ModalSpectrum
     lines: SpectrumLines
+    modes: Integers
     free: Integers
     mix: Reals
     back: Reals
 
+    def of(self, group: Integers) -> _Window:
+        """For another group."""
+        return replace(self, free=np.searchsorted(self.modes, group))
 
-def _window(model: ModalSpectrum, data: _Data, group: Integers, reach: float) -> _Window | None:
-    hz, half = data.lines.omega / (2.0 * np.pi), model.damping_ratio * model.freq_hz
-    keep = np.any(np.abs(hz[:, None] - model.freq_hz[group]) <= reach * half[group], axis=1)
+
+def _window(model: ModalSpectrum, data: _Data, group: Integers, reach: float, channels: float) -> _Window | None:
+    """Of the lines within `reach` half bandwidths; by mixtures where there are more than `channels`."""
+    keep = _near(data.lines, model, group, reach)
     if data.lines.count[keep].sum() < LEAST_LINES:
         return None
     lines = data.lines.select(keep)
@@ -309,11 +488,16 @@ def _window(model: ModalSpectrum, data: _Data, group: Integers, reach: float) ->
         forces=model.forces[np.ix_(modes, modes)], size=model.size[modes],
     )  # fmt: skip
     mix = back = np.eye(len(model.noise))
-    if len(mix) > MOST_CHANNELS:
+    if len(mix) > channels:
         mix, powers = _mixtures(part, np.sqrt(power[:, :, modes].max(axis=0)))
         part = replace(part, shapes=mix @ part.shapes, noise=np.ones(len(mix)), derivatives=powers)
         lines, back = lines.mixed(mix), model.noise[:, None] * mix.T
-    return _Window(expected(part, lines, 6), lines, np.searchsorted(modes, group), mix, back)
+    return _Window(expected(part, lines, 6), lines, modes, np.searchsorted(modes, group), mix, back)
+
+
+def _near(lines: SpectrumLines, model: ModalSpectrum, group: Integers, reach: float) -> Flags:
+    hz, half = lines.omega / (2.0 * np.pi), model.damping_ratio * model.freq_hz
+    return np.asarray(np.any(np.abs(hz[:, None] - model.freq_hz[group]) <= reach * half[group], axis=1))
 
 
 def _mixtures(model: ModalSpectrum, largest: Reals) -> tuple[Reals, Reals]:
@@ -331,13 +515,13 @@ def _mixtures(model: ModalSpectrum, largest: Reals) -> tuple[Reals, Reals]:
     return np.vstack(mixes), np.array(powers)
 
 
-def _fitted(window: _Window, free: Integers) -> SpectrumFit | None:
+def _fitted(window: _Window, free: Integers, rounds: int = ROUNDS) -> SpectrumFit | None:
     """By white forces, or by coloured ones where the likelihood grows with them by more than chance."""
     try:
-        white = fit(window.model, window.lines, free)
+        white = fit(window.model, window.lines, free, rounds)
         if score(white, window.lines, COLOUR) < chdtri(COLOUR, BY_CHANCE):
             return white
-        return fit(replace(white.spectrum, colour=np.zeros(COLOUR)), window.lines, free)
+        return fit(replace(white.spectrum, colour=np.zeros(COLOUR)), window.lines, free, rounds)
     except np.linalg.LinAlgError:
         return None
 
@@ -355,7 +539,7 @@ def _tried(model: ModalSpectrum, data: _Data, group: Integers) -> _Tried | None:
     """That of the most lines that are noise about it, or else of the second most lines."""
     worst: _Tried | None = None
     for reach in REACHES:
-        window = _window(model, data, group, reach)
+        window = _window(model, data, group, reach, MOST_CHANNELS)
         found = None if window is None else _fitted(window, window.free)
         if window is None or found is None:
             continue
@@ -378,8 +562,10 @@ def _with_group(state: _State, data: _Data, group: Integers, tried: _Tried | Non
 def _accepted(state: _State, data: _Data, group: Integers, found: SpectrumFit, window: _Window) -> _State:
     """With the group where the fit has it, unless a mode has left its place."""
     s, f = found.spectrum, len(group)
-    freq, ratio = s.freq_hz[found.free], s.damping_ratio[found.free]
-    sd = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))[: 2 * f]
+    freq, ratio = s.freq_hz[window.free], s.damping_ratio[window.free]
+    at = [int(np.flatnonzero(found.free == j)[0]) for j in window.free]
+    both = [*at, *(len(found.free) + k for k in at)]
+    sd = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))[both]
     before = state.model.damping_ratio[group]
     away = np.abs(freq / state.model.freq_hz[group] - 1.0)
     if np.any(away > np.maximum(before, 4.0 * sd[:f])) or np.any(np.abs(np.log(ratio / before)) > np.log(DAMPING)):
@@ -389,13 +575,15 @@ def _accepted(state: _State, data: _Data, group: Integers, found: SpectrumFit, w
     parts = int(np.clip(data.duration_s * 2.0 * np.pi * np.min(ratio * freq) / DECAYS, 0, PARTS))
     own = sd
     if parts >= LEAST_PARTS:
-        by_time = spread(found, window.lines, window.mix @ data.transform, parts)
+        near = _near(window.lines, s, window.free, REACHES[0])
+        part = replace(found, slopes=found.slopes[near])
+        by_time = spread(part, window.lines.select(near), window.mix @ data.transform, parts, both)
         own = np.where(by_time**2 > OUT_OF_CHANCE * own**2, by_time, own)
     model, all_sd, shapes_sd = state.model, state.sd.copy(), state.shapes_sd.copy()
     freqs, ratios, shapes = model.freq_hz.copy(), model.damping_ratio.copy(), model.shapes.copy()
     freqs[group], ratios[group] = freq, ratio
     all_sd[group, 0], all_sd[group, 1] = own[:f], own[f:]
-    for k, j in enumerate(group.tolist()):
+    for k, j in zip(at, group.tolist()):
         shapes[:, j], shapes_sd[:, j] = _shape(found, k, window, model)
     model = replace(model, freq_hz=freqs, damping_ratio=ratios, shapes=shapes)
     return replace(state, model=model, sd=all_sd, shapes_sd=shapes_sd)
@@ -419,31 +607,37 @@ def _divided(state: _State, group: Integers, found: SpectrumFit, window: _Window
     """With one mode of the group as two, where the lines are noise about the model then."""
     if len(window.mix) > MOST_CHANNELS:
         return state
-    best: tuple[SpectrumFit, int] | None = None
-    for k, j in enumerate(window.free.tolist()):
-        trial = _fitted_as_two(found, window, j)
-        if trial is not None and (best is None or trial.objective < best[0].objective):
-            best = trial, k
-    if best is None:
-        return state
-    trial, k = best
-    s, first = trial.spectrum, int(group[k])
-    pair = [int(window.free[k]), len(s.freq_hz) - 1]
-    n, m = len(s.shapes), len(s.freq_hz)
-    more = chdtri(2 + (n - 1) + m, CHANCE)
+    trials = [(_fitted_as_two(found, window, j), k) for k, j in enumerate(window.free.tolist())]
     allowed = max(LARGEST_MISFIT, LEFT_BY_TWO * misfit(found, window.lines))
-    if 2.0 * (found.objective - trial.objective) < more or misfit(trial, window.lines) > allowed:
-        return state
+    better = [
+        (trial, k)
+        for trial, k in trials
+        if trial is not None
+        and 2.0 * (found.objective - trial.objective) > _by_chance(found)
+        and misfit(trial, window.lines) <= allowed
+    ]
+    for trial, k in sorted(better, key=lambda one: one[0].objective):
+        pair = (int(window.free[k]), int(trial.free[-1]))
+        divided = _with_two(state, int(group[k]), trial, pair, window)
+        if divided is not state:
+            return divided
+    return state
+
+
+def _with_two(state: _State, first: int, trial: SpectrumFit, two: _Pair, window: _Window) -> _State:
+    """With the modes `two` of a fit in place of one, unless they are not known well or are at another place."""
+    s, pair = trial.spectrum, list(two)
     sd = np.sqrt(np.maximum(np.diag(trial.covariance), 0.0))
     f, at = len(trial.free), [int(np.flatnonzero(trial.free == j)[0]) for j in pair]
     poles = s.freq_hz[pair] * (1j - s.damping_ratio[pair])
     apart = abs(poles[0] - poles[1]) / float(np.min(s.damping_ratio[pair] * s.freq_hz[pair]))
     before = state.model.damping_ratio[first]
     away = np.abs(s.freq_hz[pair] / state.model.freq_hz[first] - 1.0)
+    near = np.maximum(allowed_distance(np.array(before)), TOGETHER * before)
     if (
         apart < LEAST_APART
         or np.any(sd[[f + i for i in at]] * KNOWN_DAMPING > 1.0)
-        or np.any(away > allowed_distance(np.array(before)))
+        or np.any(away > near)
         or np.any(np.abs(np.log(s.damping_ratio[pair] / before)) > np.log(DAMPING))
     ):
         return state
@@ -467,19 +661,25 @@ def _divided(state: _State, group: Integers, found: SpectrumFit, window: _Window
     )  # fmt: skip
 
 
-def _fitted_as_two(found: SpectrumFit, window: _Window, j: int) -> SpectrumFit | None:
-    """The best fit with two modes in place of one, whose shapes begin as what the lines near it have most."""
+def _fitted_as_two(found: SpectrumFit, window: _Window, j: int, most: int | None = None) -> SpectrumFit | None:
+    """The best fit with two modes in place of one, whose shapes begin as what the lines near it have most.
+
+    With `most`, only as many starts are used, those with the largest likelihood.
+    """
     s, lines = replace(found.spectrum, colour=np.zeros(0)), window.lines
     half = 2.0 * np.pi * s.damping_ratio[j] * s.freq_hz[j]
     near = np.abs(lines.omega - 2.0 * np.pi * s.freq_hz[j]) <= 2.0 * half
     scale = (1j * lines.omega[near, None] / s.unit) ** s.derivatives
     unscaled = lines.power[near] / (scale[:, :, None] * scale[:, None, :].conj()) / np.sqrt(np.outer(s.noise, s.noise))
-    _, vectors = np.linalg.eigh(np.tensordot(lines.count[near], unscaled, 1).real)
-    most = vectors[:, ::-1][:, :2] * np.sqrt(s.noise)[:, None]
-    starts = [(most[:, 0], most[:, 1]), (most[:, 0] + most[:, 1], most[:, 0] - most[:, 1])] if len(most) > 1 else []
+    value, vectors = np.linalg.eigh(np.tensordot(lines.count[near], unscaled, 1).real)
+    factor = (vectors * np.sqrt(np.maximum(value, 0.0)))[:, ::-1] * np.sqrt(s.noise)[:, None]
+    a, b = factor[:, 0], factor[:, min(1, len(factor) - 1)]
+    # a aᵀ + b bᵀ is that of two independent modes whose shapes are a and b after some rotation
+    turns = np.pi * np.arange(TURNS) / (2 * TURNS) if len(factor) > 1 else np.zeros(0)
+    starts = [(np.cos(t) * a + np.sin(t) * b, np.cos(t) * b - np.sin(t) * a) for t in turns]
     starts.append((s.shapes[:, j], s.shapes[:, j]))
     free, m = np.append(found.free, len(s.freq_hz)), len(s.freq_hz)
-    best: SpectrumFit | None = None
+    models: list[tuple[float, ModalSpectrum]] = []
     for (a, b), sign in product(starts, (1.0, -1.0)):
         freq, ratio = np.append(s.freq_hz, s.freq_hz[j]), np.append(s.damping_ratio, s.damping_ratio[j])
         freq[[j, m]] *= 1.0 + sign * 0.3 * s.damping_ratio[j] * np.array([-1.0, 1.0])
@@ -493,7 +693,14 @@ def _fitted_as_two(found: SpectrumFit, window: _Window, j: int) -> SpectrumFit |
             s, freq_hz=freq, damping_ratio=ratio, shapes=shapes, forces=forces, size=np.append(s.size, s.size[j])
         )
         try:
-            trial = fit(expected(two, lines, 10), lines, free)
+            model = expected(two, lines, 10)
+        except np.linalg.LinAlgError:
+            continue
+        models.append((objective(model, lines), model))
+    best: SpectrumFit | None = None
+    for _, model in sorted(models, key=lambda one: one[0])[:most]:
+        try:
+            trial = fit(model, lines, free)
         except np.linalg.LinAlgError:
             continue
         best = trial if best is None or trial.objective < best.objective else best

@@ -16,6 +16,7 @@ multiple (possibly close) modes, Mechanical Systems and Signal Processing 132.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -30,7 +31,7 @@ _STEP = 0.15
 differs from that at its middle by 0.7 % at most."""
 _LEAST_GAIN = 0.03
 """Gain of the log-likelihood below which the search ends; a quarter of a standard deviation is such a gain."""
-_MOST_ROUNDS = 12
+ROUNDS = 12
 """Steps of scoring at most."""
 
 
@@ -61,7 +62,7 @@ class SpectrumLines:
         return replace(self, power=by @ self.power @ by.T)
 
 
-def in_bins(transform: Complexes, step_hz: float, usable: Flags, poles: Complexes) -> SpectrumLines:
+def in_bins(transform: Complexes, step_hz: float, usable: Flags, poles: Complexes, derivatives: Reals) -> SpectrumLines:
     """Bins of the usable lines of a transform (n, k) that begins at 0 Hz, finest near the poles (m,) in rad/s."""
     where = np.flatnonzero(usable)
     hz = step_hz * where
@@ -74,7 +75,12 @@ def in_bins(transform: Complexes, step_hz: float, usable: Flags, poles: Complexe
         i = i + int(gap[0]) + 1 if len(gap) else j
         starts.append(i)
     first, last = where[np.array(starts[:-1])], where[np.array(starts[1:]) - 1] + 1
-    power = np.stack([transform[:, a:b] @ transform[:, a:b].conj().T / (b - a) for a, b in zip(first, last)])
+    power = np.empty((len(first), len(transform), len(transform)), complex)
+    for k, (a, b) in enumerate(zip(first, last)):
+        # channels of different quantities with the ratios that they have at the middle of the bin: with those at each
+        # line, the mean would have parts that no mode has, which are above a low noise
+        one = transform[:, a:b] * (0.5 * (a + b - 1.0) / np.arange(a, b)) ** derivatives[:, None]
+        power[k] = one @ one.conj().T / (b - a)
     return SpectrumLines(np.pi * step_hz * (first + last - 1.0), (last - first).astype(float), power, first, last)
 
 
@@ -266,7 +272,7 @@ def expected(spectrum: ModalSpectrum, lines: SpectrumLines, rounds: int) -> Moda
     return spectrum
 
 
-def fit(spectrum: ModalSpectrum, lines: SpectrumLines, free: Integers, rounds: int = _MOST_ROUNDS) -> SpectrumFit:
+def fit(spectrum: ModalSpectrum, lines: SpectrumLines, free: Integers, rounds: int = ROUNDS) -> SpectrumFit:
     """The minimum that Fisher scoring with Levenberg's damping finds from a start.
 
     Raises
@@ -361,7 +367,9 @@ def misfit(found: SpectrumFit, lines: SpectrumLines) -> float:
     return float((total - freedom) / np.sqrt(2.0 * freedom))
 
 
-def spread(found: SpectrumFit, lines: SpectrumLines, transform: Complexes, parts: int) -> Reals:
+def spread(
+    found: SpectrumFit, lines: SpectrumLines, transform: Complexes, parts: int, which: Sequence[int] | None = None
+) -> Reals:
     """(2 f,) standard deviations of the relative frequencies and damping ratios by parts of the record's time.
 
     Each value moves by a sum of products of the record with a filtered record, of which parts of the time have parts.
@@ -369,12 +377,20 @@ def spread(found: SpectrumFit, lines: SpectrumLines, transform: Complexes, parts
     """
     first = int(lines.first[0])
     size = int(lines.last[-1]) - first
+    bins = [slice(a, b) for a, b in zip(lines.first - first, lines.last - first)]
     seen = np.zeros((transform.shape[0], size), complex)
-    moved = np.zeros((found.slopes.shape[3], transform.shape[0], size), complex)
-    for a, b, slope in zip(lines.first - first, lines.last - first, found.slopes):
-        seen[:, a:b] = transform[:, first + a : first + b]
-        moved[:, :, a:b] = np.einsum("ijp,jk->pik", slope, seen[:, a:b])
-    long = size // parts * parts
-    of_time = np.einsum("ik,pik->pk", np.fft.ifft(seen).conj(), np.fft.ifft(moved)).real * size
-    sums = of_time[:, :long].reshape(len(of_time), parts, -1).sum(axis=2)
-    return np.asarray(np.sqrt(parts) * sums.std(axis=1, ddof=1))
+    # as one quantity: all lines have the shapes of the modes then
+    powers = (found.spectrum.derivatives - found.spectrum.derivatives.max())[:, None]
+    step = lines.omega[0] / (0.5 * (lines.first[0] + lines.last[0] - 1.0))
+    for one, a, b in zip(bins, lines.first, lines.last):
+        seen[:, one] = transform[:, a:b] / (1j * step * np.arange(a, b) / found.spectrum.unit) ** powers
+    scales = (1j * lines.omega / found.spectrum.unit) ** powers
+    of_time, long = np.fft.ifft(seen).conj(), size // parts * parts
+    sd = []
+    for p in range(found.slopes.shape[3]) if which is None else which:
+        moved = np.zeros_like(seen)
+        for one, slope, scale in zip(bins, found.slopes[..., p], scales.T):
+            moved[:, one] = scale.conj()[:, None] * (slope @ (scale[:, None] * seen[:, one]))
+        products = np.einsum("ik,ik->k", of_time, np.fft.ifft(moved)).real * size
+        sd.append(np.sqrt(parts) * products[:long].reshape(parts, -1).sum(axis=1).std(ddof=1))
+    return np.array(sd)

@@ -22,10 +22,11 @@ def identification_of(file: StudyFile, test: ModalTest, rigid: ModeSet | None = 
     """
     table = file.equalise
     if table is None:
-        return InputKnown(exponential_s=test.exponential_s)
+        return InputKnown(exponential_s=test.exponential_s, raised=True)
     return InputKnown(
-        table.band_hz, table.largest_order, take=table.take_hz, drop=table.drop_hz, rigid=rigid,
-        exponential_s=test.exponential_s, suspension_hz=table.suspension_hz or 0.0, order=table.order,
+        table.band_hz, table.largest_order or InputKnown.largest_order, take=table.take_hz, drop=table.drop_hz,
+        rigid=rigid, exponential_s=test.exponential_s, suspension_hz=table.suspension_hz or 0.0, order=table.order,
+        raised=table.largest_order is None,
     )  # fmt: skip
 
 

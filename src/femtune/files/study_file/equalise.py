@@ -21,8 +21,9 @@ class EqualiseTable(TomlTable):
     """Bands that are not compared, whose poles keep their damping, Hz. Example: `[[118.0, 131.0]]`"""
     lines: Annotated[float, Field(gt=0, le=100)] = 3.0
     """Lines in a half bandwidth 2ζf. Example: `2.0`"""
-    largest_order: Annotated[int, Field(ge=4, le=200)] = 60
-    """Largest model order of the identification; 4 to 200. Example: `80`"""
+    largest_order: Annotated[int, Field(ge=4, le=200)] | None = None
+    """Largest model order of the identification; 4 to 200. Default: 60, and up to 120 where there are more modes than
+    can be told from orders up to 60. Example: `80`"""
     order: Annotated[int, Field(ge=2, le=200, multiple_of=2)] | None = None
     """Fixed order of N4SID: all its poles in the band are modes, whatever other orders have. Default: modes are the
     poles that come back in models up to `largest_order`. Example: `38`"""

@@ -93,7 +93,7 @@ def found_from_frfs(
     asked = InputKnown(
         table.band_hz, table.largest_order or _order(frfs, table.band_hz), methods, take=table.take_hz,
         drop=table.drop_hz, picked=picked_poles(file), real=table.real, exponential_s=table.exponential_s,
-        suspension_hz=table.suspension_hz or 0.0,
+        suspension_hz=table.suspension_hz or 0.0, raised=table.largest_order is None and whole is None,
     )  # fmt: skip
     decay = 0.0 if table.exponential_s is None else 1.0 / table.exponential_s
     try:
