@@ -95,7 +95,7 @@ def test_every_combination_of_size_and_order(r: np.ndarray, finding: Finding, ou
     found = goodness_of_fit(_blocks(r, np.zeros((len(r), 1))))
     assert (found.finding, found.outcome) == (finding, outcome)
     assert found.sentence.startswith(finding.value)
-    assert ("runs" in found.sentence) == finding.name.endswith("SYSTEMATIC")
+    assert ("change sign less often" in found.sentence) == finding.name.endswith("SYSTEMATIC")
     assert ("larger than" in found.sentence) == finding.larger
     assert ("too large" in found.sentence) == finding.name.startswith("SMALL")
     assert ("; the largest is" in found.sentence) == finding.larger
