@@ -298,6 +298,7 @@ machine lengthens the times: the smallest one is nearest to that of a free machi
 - Peak: largest resident memory of the process until the study has been run. The subframe is calibrated from 94 FRFs on
   reduced models and shows no shape of a pair; the others are updated from modes.
 - Seconds: of the part of the run that makes the live model, with the solutions of the full model that it needs.
+- A dash: not measured. Rows stay from an earlier run where a study is not run again.
 """
 
 
