@@ -114,6 +114,25 @@ def test_a_reference_of_opposite_sign_is_the_same_driving_point(three_modes: Any
     assert [n.code for n in notices] == ["identify.driving-point-sign"] * 3
 
 
+def test_a_mode_with_its_node_at_the_driving_point_has_no_sign_there(three_modes: Any) -> None:
+    """Noise alone makes its residue there negative in many tests; a sensor of the wrong sign is still told."""
+    shapes = three_modes.shapes.copy()
+    shapes[0, 2] = 0.003
+    quiet = dataclasses.replace(three_modes, shapes=shapes)
+    start, negative = pole_of(quiet.freq_hz, quiet.damping_ratio), 0
+    for seed in range(12):
+        frfs = quiet.frfs(_LINES, noise=0.005, seed=seed)
+        fit = fit_modes(frfs, start)
+        negative += int((fit.residues[0, 0, 2] * 2j * fit.poles[2].imag).real < 0.0)
+        codes = [r.notice.code for r in fit_remarks(fit, scaled_shapes(fit, driving_points(frfs)))]
+        assert "identify.driving-point-sign" not in codes
+        wrong = dataclasses.replace(frfs, values=frfs.values * np.array([-1.0, 1.0, 1.0])[:, None, None])
+        fit = fit_modes(wrong, start)
+        remarks = fit_remarks(fit, scaled_shapes(fit, driving_points(wrong)))
+        assert [r.mode for r in remarks if r.notice.code == "identify.driving-point-sign"] == [0, 1]
+    assert negative >= 2
+
+
 def test_two_modes_taken_for_one_are_told(eight_modes: Any) -> None:
     frfs = eight_modes.frfs(_LINES * 2.1)
     fit = fit_modes(frfs, pole_of(np.delete(eight_modes.freq_hz, 3), np.delete(eight_modes.damping_ratio, 3)))

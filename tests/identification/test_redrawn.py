@@ -121,3 +121,18 @@ def test_bands_that_leave_out_all_lines_are_named() -> None:
     options = InputKnown(largest_order=16)
     with pytest.raises(FemtuneError, match="leave_out_hz leaves out all frequency lines"):
         equalised_test(known((0,), 6).frfs(LINES, 1e-3, 1), 0.01, options, left_out_hz=((0.0, 1e4),))
+
+
+def test_a_mode_that_was_missed_is_no_noise_beside_its_peak() -> None:
+    """The mean of the errors contains the peak itself, so that it seemed hardly higher than noise."""
+    structure = known((0,), 4)
+    frfs = structure.frfs(LINES, 0.002, 1)
+    missed = int(np.argmax(structure.freq_hz > 0.5 * structure.freq_hz.max()))
+    whole = equalised_test(frfs, 0.01, InputKnown(largest_order=16)).redrawn
+    line = int(np.argmin(np.abs(LINES - structure.freq_hz[missed])))
+    # of noise alone both are the same, to the scatter of a median of 21 squares in each of the functions
+    ratio = np.mean(np.log(whole.noise_beside_peak(line) / whole.noise_sd[:, :, line]))
+    assert abs(ratio) < 0.3
+    lacks = InputKnown(largest_order=16, drop=(float(structure.freq_hz[missed]),))
+    test = equalised_test(frfs, 0.01, lacks).redrawn
+    assert np.median(test.noise_sd[:, :, line] / test.noise_beside_peak(line)) > 1.5

@@ -90,7 +90,7 @@ def test_what_limits_samples_is_told() -> None:
         "predictions-failed": {"predictions_failed": 12},
         "noise-as-stated": {"noise_levels": (noise,)},
         "changes-not-settled": {
-            "changes_not_settled": "the changes that the data want still moved after 8 linearisations"
+            "changes_not_settled": "the most probable changes did not converge within 8 linearisations"
         },
     }  # fmt: skip
     for problem, change in limits.items():

@@ -32,9 +32,7 @@ def test_inverse_of_the_information() -> None:
     np.testing.assert_allclose(found.correlation, covariance / np.outer(sd, sd), atol=1e-12)
     assert found.known.all()
     assert found.groups == ()
-    assert found.sentences(np.array([1.0, 2.0, 3.0])) == [
-        "From the data alone, a (±1 %), b (±2 %) and c (±3 %) can be known."
-    ]
+    assert found.sentences(np.array([1.0, 2.0, 3.0])) == ["The data alone determine a (±1 %), b (±2 %) and c (±3 %)."]
 
 
 def test_parameters_that_are_known_together_only() -> None:
@@ -45,7 +43,7 @@ def test_parameters_that_are_known_together_only() -> None:
     found = expected_knowledge(at(J), PRIOR, NAMES)
     assert found.known.tolist() == [True, False, False]
     assert found.groups == (("b", "c"),)
-    assert "b and c are correlated by more than 0.9: a combination of them is known much better than each." in (
+    assert "b and c are correlated by more than 0.9: a combination of them is known much better than each of them." in (
         found.sentences(np.ones(3))
     )
 

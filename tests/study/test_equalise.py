@@ -274,7 +274,7 @@ def test_entries_and_noise_of_the_identified_test(bench: Bench, method: str) -> 
         assert update.fisher is not None
         assert update.fisher.measured
         assert all(p.known for p in update.fisher.parameters)
-        assert "can be known" in update.fisher.sentences[0]
+        assert "The data alone determine" in update.fisher.sentences[0]
         if method == "noise" and run is both[0]:
             for p, q in zip(update.fisher.parameters, one.parameters):
                 assert p.sd_percent is not None

@@ -38,7 +38,7 @@ def test_a_run_with_a_posterior(bench: Bench) -> None:
     assert not found.others
     page = run.report.read_text(encoding="utf-8") if run.report else ""
     assert "Posterior distribution" in page
-    assert "Distribution of the parameters: filled the samples" in page
+    assert "Distribution of the parameters. Filled: the samples" in page
     # the table of the update says where the sampled intervals are
     assert "The study has a sampled distribution of the parameters" in page
     # also beside what changed, on the first page

@@ -367,6 +367,7 @@ export class LivePanel {
     if (this.mass) { const text = this.massText(); this.where.textContent += ` ${text[0].toUpperCase()}${text.slice(1).replace(" at ", " is added at ")}.`; }
     const useRegion = c.region.length && ((inside !== null && inside <= 1) || same);
     this.certificate.textContent = useRegion ? certificateText(c.region, "of the 95 % region") : certificateText(c.bounds, `within ${this.reach}`);
+    if (this.mass && this.certificate.textContent) this.certificate.textContent += " These differences are those without the mass.";
   }
 
   private fill(): void {

@@ -263,13 +263,20 @@ def _inaccurate(mass: ReducedMass, modes: Sequence[int]) -> NotTested | None:
     errors = {i: float(mass.frequency_error[i]) for i in modes}
     lost = [mass.labels[i] for i, error in errors.items() if np.isnan(error)]
     off = [f"{mass.labels[i]} ({100 * e:+.1f} %)" for i, e in errors.items() if abs(e) > REDUCTION_TOLERANCE]
-    misses = f"the frequency error of the reduced model exceeds {100 * REDUCTION_TOLERANCE:.0f} % for mode "
-    shapes = f"the reduced model has no mode with the shape of mode {', '.join(lost)}"
-    reasons = ([misses + ", ".join(off)] if off else []) + ([shapes] if lost else [])
+    limit = f"{100 * REDUCTION_TOLERANCE:.0f} %"
+    misses = f"the frequency error of the reduced model exceeds {limit} for {_modes(off)}"
+    shapes = f"the reduced model has no mode with the shape of {_modes(lost)}"
+    reasons = ([misses] if off else []) + ([shapes] if lost else [])
     if not reasons:
         return None
     needed = "more sensors are needed at points where these modes have large displacements"
     return NotTested(f"{', and '.join(reasons)}; {needed}")
+
+
+def _modes(labels: Sequence[str]) -> str:
+    """Modes in a sentence."""
+    *others, last = labels or [""]
+    return f"modes {', '.join(others)} and {last}" if others else f"mode {last}"
 
 
 def _noise(test: ModeSet, pairing: Pairing) -> tuple[NoiseShare, ...] | NotTested:

@@ -53,6 +53,11 @@ _DRAWS = 50
 _NEAR = 10
 """Noise of a line is the mean square of the errors at so many lines on each side."""
 
+_DIFFERENCES = 4
+"""Order of differences between lines, in which what is smooth over some lines vanishes."""
+_OF_DIFFERENCES = 70.0
+"""Variance of these differences of white noise over its own: the sum of squares of 1, 4, 6, 4, 1."""
+
 
 @dataclass(frozen=True, eq=False)
 class RedrawnTest:
@@ -168,6 +173,20 @@ class RedrawnTest:
         sums = np.concatenate([np.zeros((*squares.shape[:2], 1)), np.cumsum(squares, axis=2)], axis=2)
         means = (sums[:, :, start + width] - sums[:, :, start]) / width
         return np.asarray(np.sqrt(np.maximum(means, 0.0)))
+
+    def noise_beside_peak(self, line: int) -> Reals:
+        """(n, u) the same at one line, without the peak of errors that a mode leaves there which the fits have missed.
+
+        In the mean square of the errors it would pass for noise of its own size. A peak as narrow as the lines is left
+        out by the median of the squares, a wide one by that of the squares of fourth differences.
+        """
+        start = int(np.clip(line - _NEAR, 0, max(self.lines - 2 * _NEAR - 1, 0)))
+        near = self.errors[:, :, start : start + 2 * _NEAR + 1]
+        squares = [np.abs(near) ** 2]
+        if near.shape[2] > _DIFFERENCES:
+            squares.append(np.abs(np.diff(near, _DIFFERENCES, axis=2)) ** 2 / _OF_DIFFERENCES)
+        # squares of noise are exponentially distributed, with a median of ln 2 of their mean
+        return np.asarray(np.sqrt(0.5 * np.min([np.median(s, axis=2) for s in squares], axis=0) / np.log(2.0)))
 
     @cached_property
     def equalised_sd(self) -> Reals:

@@ -22,6 +22,10 @@ from femtune.testdata.checks import mean_phase_deviation_deg, phase_collinearity
 # Shapes out of residues: one vector a mode, real if wanted, scaled by driving points, with standard deviations.
 
 
+SURE_OF_SIGN = 4.0
+"""Standard deviations below zero from which a modal mass is negative: there are many modes and tests."""
+
+
 @dataclass(frozen=True)
 class DrivingPoint:
     """A reference whose motion is measured too: positions of response and reference, and the product of their signs."""
@@ -41,7 +45,7 @@ class ScaledShapes:
     sd : (n, m) √E|error|²
     mass_normalised : whether driving points gave the scale; else the largest entry of each shape is 1
     mass_sign : (m,) real part of R_dd·2iω_d over its modulus, at the driving points: 1 for a real mode, negative where
-        force and motion have opposite signs; NaN without a driving point
+        force and motion have opposite signs; NaN without a driving point, and where noise may have made it negative
     rank_share : (m,) share of a residue matrix that one shape explains, 1 for one reference
     """
 
@@ -81,7 +85,7 @@ def scaled_shapes(fit: ModalFit, points: Sequence[DrivingPoint] = (), real: bool
         made.T,
         np.column_stack(sd),
         bool(points),
-        np.array([_mass_sign(fit.residues[:, :, r], fit.poles[r], points) for r in range(m)]),
+        np.array([_mass_sign(fit, r, points) for r in range(m)]),
         np.array([_rank_share(fit.residues[:, :, r]) for r in range(m)]),
     )
 
@@ -117,10 +121,21 @@ def _square_of_scale(u: NDArray, residues: NDArray, poles: NDArray, points: Sequ
     return np.asarray(np.sum(model.conj() * wanted, axis=0) / np.sum(np.abs(model) ** 2, axis=0))
 
 
-def _mass_sign(residue: Complexes, pole: complex, points: Sequence[DrivingPoint]) -> float:
-    signs = [2j * pole.imag * residue[p.response, p.reference] * p.sign for p in points]
+def _mass_sign(fit: ModalFit, r: int, points: Sequence[DrivingPoint]) -> float:
+    omega = float(fit.poles[r].imag)
+    signs = [2j * omega * complex(fit.residues[p.response, p.reference, r]) * p.sign for p in points]
     size = sum(abs(x) for x in signs)
-    return float(sum(x.real for x in signs) / size) if size else float("nan")
+    if not size:
+        return float("nan")
+    real = sum(x.real for x in signs)
+    if real < 0.0:
+        # a mode whose node is at the driving point moves the other responses, and has no sign there
+        own = sum(fit.own_covariance[p.response, p.reference, r, 1, 1] for p in points)
+        shared = sum(p.sign * fit.pole_effect[p.response, p.reference, r, 1] for p in points)
+        sd = 2.0 * omega * float(np.sqrt(own + shared @ fit.pole_covariance @ shared))
+        if real > -SURE_OF_SIGN * sd:
+            return float("nan")
+    return float(real / size)
 
 
 def _rank_share(residue: Complexes) -> float:

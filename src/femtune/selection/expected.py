@@ -109,15 +109,15 @@ class ExpectedKnowledge:
             return []
         known = [f"{n} (±{p:.2g} %)" for n, p, k in zip(self.names, percent, self.known) if k]
         open_ = [n for n, k in zip(self.names, self.known) if not k]
-        first = (
-            f"From the data alone, {listed(known)} can be known." if known else "The data alone determine no parameter."
-        )
+        first = f"The data alone determine {listed(known)}." if known else "The data alone determine no parameter."
         out = [first]
         if open_:
-            out.append(f"{listed(open_)} cannot: the standard deviation is more than a third of the prior's.")
+            out.append(
+                f"They do not determine {listed(open_)}: the standard deviation is more than a third of the prior's."
+            )
         out += [
             f"{listed(group)} are correlated by more than {TOGETHER:g}: a combination of them is known much better "
-            "than each."
+            "than each of them."
             for group in self.groups
         ]
         for parts in self.open:

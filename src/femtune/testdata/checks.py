@@ -147,7 +147,7 @@ def _damping(modes: ModeSet) -> Iterator[Notice]:
         problem = f"more than any structure has; if {values[0]:g} % is meant, write {values[0] / 100.0:g}"
     others = [modes.labels[i] for i in doubtful[1:]]
     shown = ", ".join(others[:_MOST_NAMED]) + (" …" if len(others) > _MOST_NAMED else "")
-    more = f" (mode{'s' if len(others) > 1 else ''} {shown} likewise)" if others else ""
+    more = f" (the same holds for mode{'s' if len(others) > 1 else ''} {shown})" if others else ""
     yield Notice("test.damping-doubtful", mode=modes.labels[doubtful[0]], value=values[0], more=more, problem=problem)
 
 

@@ -166,7 +166,7 @@ class GoodnessOfFit:
     def _runs(self) -> str:
         if self.runs is None or self.runs_p_value is None or self.runs_p_value >= LEVEL:
             return ""
-        return f"; their signs form only {self.runs} runs ({_chance(self.runs_p_value)})"
+        return f"; the residuals change sign less often than random errors do ({_chance(self.runs_p_value)})"
 
     def _largest(self) -> str:
         return f"; the largest is {self.largest:+.1f} σ, {self.largest_label}" if self.largest is not None else ""

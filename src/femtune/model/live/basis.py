@@ -56,8 +56,9 @@ class SecondBasis:
 
 
 def second_basis(
-    model: ReducedModel, at: Reals, points: Sequence[Reals], count: int, most: int, forces: Reals | None = None
-) -> SecondBasis:
+    model: ReducedModel, at: Reals, points: Sequence[Reals], count: int, most: int, forces: Reals | None = None,
+    near: Sequence[Reals] = (), near_count: int = 0,
+) -> SecondBasis:  # fmt: skip
     """The basis from the modes at points.
 
     Parameters
@@ -66,12 +67,15 @@ def second_basis(
     count : modes that matter
     most : vectors at most
     forces : (r, f) whose static responses the basis must have too; None without any
+    near : (k,) further points, about the updated one
+    near_count : modes that matter there and at the updated point, where they are more than `count`
 
     Raises
     ------
     FemtuneError : ``reduce.indefinite`` at the updated point
     """
-    start = reduced_modes(model.at(at), count)
+    near_count = max(count, near_count)
+    start = reduced_modes(model.at(at), near_count)
     if is_whole(model):
         return SecondBasis(model, at, start.wanted, start.vectors)
     point = start.point
@@ -81,9 +85,9 @@ def second_basis(
         modes = np.hstack([modes, _responses(model, at, forces)])
     first = _independent(root @ modes)
     wanted = start.wanted if forces is None else first.shape[1]
-    snapshots = [root @ _shapes(model, x, count) for x in points]
+    snapshots = [root @ _shapes(model, x, n) for n, some in ((near_count, near), (count, points)) for x in some]
     if forces is not None:
-        snapshots += [root @ _responses(model, x, forces) for x in points]
+        snapshots += [root @ _responses(model, x, forces) for x in (*near, *points)]
     rest = np.hstack([s for s in snapshots if s.size] or [np.zeros((len(root), 0))])
     rest = rest - first @ (first.T @ rest)
     rest = rest - first @ (first.T @ rest)

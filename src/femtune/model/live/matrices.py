@@ -25,8 +25,9 @@ from femtune.model.reduce.modes_in_basis import MASSLESS
 
 _STEPS = 32767
 """Steps of 16 bits on each side of zero."""
-EXACT_BYTES = 400_000
-"""Bytes of all matrices up to which they are stored in single precision."""
+EXACT_BYTES = 1_400_000
+"""Bytes of all matrices up to which they are stored in single precision: a page with 12 parameters stays below 8 MB.
+The rounding to 16 bits has a relative error of frequencies of 0.01 to 0.3 %, however high the order."""
 STILL = 1e-4
 """λ over |σ| below which a mode has no frequency: matrices in single precision leave it no digits. The updated point
 has as many of these as it has rigid-body modes; elsewhere more of them are a mechanism."""

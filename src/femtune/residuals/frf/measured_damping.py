@@ -174,10 +174,10 @@ def _at_resonance(freq_hz: float, ratio: float, kind: str) -> float:
 
 
 def _noise_beside(residual: FrfResidual, test: RedrawnTest, freq_hz: float) -> Reals:
-    """(outputs, inputs) the noise of a line that the identification has found."""
+    """(outputs, inputs) the noise of a line, not raised by a mode there that the identification has missed."""
     line = int(np.argmin(np.abs(test.measured.freq_hz - freq_hz)))
     rows, columns = (
         residual.measured.responses.align(test.measured.responses)[0],
         residual.measured.references.align(test.measured.references)[0],
     )
-    return np.asarray(test.noise_sd[np.ix_(rows, columns)][:, :, line])
+    return np.asarray(test.noise_beside_peak(line)[np.ix_(rows, columns)])

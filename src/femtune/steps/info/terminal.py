@@ -172,7 +172,7 @@ def _configuration(subject: Subject, c: ModelConfiguration) -> list[Block]:
 
 def _facts(c: ModelConfiguration) -> list[KeyNumber]:
     return [
-        KeyNumber("Overlay", "; ".join(c.overlay) or "none"),
+        KeyNumber("Changes to the deck", "; ".join(c.overlay) or "none"),
         KeyNumber("Grids", str(c.grids)),
         KeyNumber("Free DOFs", str(c.free_dofs)),
         KeyNumber("Supports", _supports(c)),

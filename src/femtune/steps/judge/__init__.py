@@ -17,7 +17,7 @@ STEP = Step(
             "Reasons for the verdict",
             "judge.page:judgement",
             intro=(
-                "A run is not accepted if one reason weighs that much; every other reason is a reservation. "
+                "A run is not accepted if one of the reasons is serious enough; all others are reservations. "
                 "It is accepted without reservations only if nothing was left out or failed."
             ),
             optional=True,

@@ -9,14 +9,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.model.live.basis import is_whole
 from femtune.model.live.matrices import solved
 from femtune.steps.modes.shapes import shape_rows
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.model.live import LiveModel
-    from femtune.steps.live.first import First
     from femtune.steps.live.points import Points
     from femtune.study.cases import StudyCase
 
@@ -28,6 +26,8 @@ _MOST_MASS_POINTS = 60
 """Points of a model that is kept whole that can carry a mass: a list of them fits a page."""
 _MOST_CARRIED = 8
 """Points of a reduced live model that can carry a mass: each takes three vectors."""
+NO_POINTS = "no sensor is at a grid point of the model"
+"""Why no mass can be added."""
 
 
 def drawing(case: StudyCase, full: Reals, model: LiveModel, points: Points, configurations: int) -> dict[str, NDArray]:
@@ -51,27 +51,16 @@ def drawing(case: StudyCase, full: Reals, model: LiveModel, points: Points, conf
     }
 
 
-def mass_points(case: StudyCase, first: First) -> list[int]:
-    """Grid points of sensors at which a mass can be added: all of a model that is kept whole, and of one with the full
-    matrices some whose static responses are put into the second basis."""
-    if first.basis is not None:
-        return []
+def mass_points(case: StudyCase, whole: bool) -> list[int]:
+    """Grid points of sensors at which a mass can be added: all of a model that is kept whole, else some whose static
+    responses the bases have."""
     matches = () if case.sensors is None else case.sensors.matches
     known = set(case.configured.model.structure.nodes.ids.tolist())
     points = [n for n in dict.fromkeys(m.node for m in matches if m.node is not None) if n in known]
-    if is_whole(first.model):
+    if whole:
         return points[:_MOST_MASS_POINTS]
     spread = np.linspace(0, len(points) - 1, min(len(points), _MOST_CARRIED)).round().astype(int)
     return [points[i] for i in sorted(set(spread.tolist()))]
-
-
-def no_masses(points: Sequence[int], first: First) -> str:
-    """Why no mass can be added; "" with points that can carry one."""
-    if points:
-        return ""
-    if first.basis is not None:
-        return "the model was reduced, and its basis has no responses to forces at single points"
-    return "no sensor is at a grid point of the model"
 
 
 def mass_rows(points: Sequence[int], case: StudyCase, full: Reals) -> dict[str, NDArray]:

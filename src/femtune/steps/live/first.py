@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from femtune.model.reduce import ReducedModel, reduce_model
+from femtune.model.reduce import ReducedModel, reduce_model, reduced_modes
 from femtune.model.reduce.estimate import extend
 from femtune.model.reduce.function_estimate import missed_responses
 from femtune.model.response import TIMES_HIGHEST_LINE
+from femtune.model.solvers.factorise import factorise
 from femtune.steps.live.frfs import MOST_OUTPUTS, ComparedFunctions
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.model import ConfiguredModel, EigenSolution
+    from femtune.model.linear.symmetric import SymmetricMatrix
     from femtune.residuals import CaseState
     from femtune.steps.live.points import Points
     from femtune.steps.update.run import FoundParameters
@@ -88,9 +90,13 @@ class FirstModels:
 
     def of(
         self, state: CaseState, configured: ConfiguredModel, count: int, functions: Sequence[ComparedFunctions],
-        points: Points,
+        points: Points, carried: sp.csc_array,
     ) -> First:  # fmt: skip
         """That of a configuration with `count` modes and the functions that are compared.
+
+        Parameters
+        ----------
+        carried : (n_free, f) unit forces at points that can carry a mass
 
         Raises
         ------
@@ -103,22 +109,25 @@ class FirstModels:
         if forces is not None:
             solution = self._up_to_lines(state, configured, functions)
             count = max(count, solution.wanted)
+        at = state.full if solution is None else solution.point
+        shift = float(state.solution.shift) if known is None else known[0].shift
+        metric = at.symmetric_stiffness.plus(-shift, at.symmetric_mass)
+        columns = [_responses(metric, carried)]
         if known is None:
-            return self._region_trained(state, configured, count, points, forces, solution)
-        if solution is None or forces is None or all(f.label for f in functions):
-            return First(*known)
-        # a basis that was trained for modes alone
+            return self._region_trained(state, configured, count, points, forces, solution, columns)
         model, basis = known
-        metric = state.full.symmetric_stiffness.plus(-model.shift, state.full.symmetric_mass)
-        basis = extend(basis, np.hstack([solution.shapes, missed_responses(solution, forces)]), metric)
+        if solution is not None and forces is not None and not all(f.label for f in functions):
+            # a basis that was trained for modes alone
+            columns += [solution.shapes, missed_responses(solution, forces)]
+        basis = extend(basis, np.hstack(columns), metric)
         return First(reduce_model(configured, basis, shift=model.shift), basis)
 
     def _up_to_lines(
         self, state: CaseState, configured: ConfiguredModel, functions: Sequence[ComparedFunctions]
     ) -> EigenSolution:
         """Modes of the full model at the updated point up to twice the highest line."""
-        top = TIMES_HIGHEST_LINE * max(float(f.freq_hz[-1]) for f in functions)
-        solution = state.case.on_full_model.solver.modes(configured.at(np.asarray(self.found.result.x)), None, top)
+        point = configured.at(np.asarray(self.found.result.x))
+        solution = state.case.on_full_model.solver.modes(point, None, _top_hz(functions))
         self.work.solutions += 1
         if solution.wanted > _MOST_MODES:
             raise TooManyModesError(solution.wanted)
@@ -126,11 +135,15 @@ class FirstModels:
 
     def _region_trained(
         self, state: CaseState, configured: ConfiguredModel, count: int, points: Points,
-        forces: sp.csc_array | None, at_update: EigenSolution | None,
+        forces: sp.csc_array | None, at_update: EigenSolution | None, more: Sequence[Reals],
     ) -> First:  # fmt: skip
-        """From modes of the full model at the updated point, in the region and in the bounds."""
+        """From modes of the full model at the updated point, in the region and in the bounds, and `more` vectors."""
         at = [*points.in_region(TRAINING, 2), *points.in_ranges(TRAINING, 2)]
-        columns, solver, shift = [state.solution.shapes], state.case.on_full_model.solver, float(state.solution.shift)
+        columns, solver, shift = (
+            [state.solution.shapes, *more],
+            state.case.on_full_model.solver,
+            float(state.solution.shift),
+        )
         if at_update is not None and forces is not None:
             columns += [at_update.shapes, missed_responses(at_update, forces)]
         for i, x in enumerate(at):
@@ -148,6 +161,26 @@ class FirstModels:
         size, turned = np.linalg.eigh(0.5 * (gram + gram.T))
         basis = basis @ (turned / np.sqrt(size))
         return First(reduce_model(configured, basis, shift=shift), basis)
+
+
+def modes_up_to_lines(model: ReducedModel, x: Reals, functions: Sequence[ComparedFunctions]) -> int:
+    """Modes of a first model that the functions are superposed of; 0 without functions."""
+    if not functions:
+        return 0
+    top = 2.0 * np.pi * _top_hz(functions)
+    return int((reduced_modes(model.at(x), min(_MOST_MODES, model.order)).eigenvalues <= top**2).sum())
+
+
+def _top_hz(functions: Sequence[ComparedFunctions]) -> float:
+    """Twice the highest line."""
+    return TIMES_HIGHEST_LINE * max(float(f.freq_hz[-1]) for f in functions)
+
+
+def _responses(metric: SymmetricMatrix, forces: sp.csc_array) -> Reals:
+    """(n_free, f) static responses to unit forces."""
+    if not forces.shape[1]:
+        return np.zeros(forces.shape)
+    return np.asarray(factorise(metric).solve(forces.toarray(order="F")))
 
 
 def forces_of(functions: Sequence[ComparedFunctions]) -> sp.csc_array | None:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError
 from femtune.model.live import LiveModel, SecondBasis, Separated, live_model, second_basis, separated_terms
 from femtune.model.live.basis import is_whole
-from femtune.model.live.matrices import solved
+from femtune.model.live.matrices import EXACT_BYTES, solved
 from femtune.model.reduce import ReducedModel, reduced_modes
 from femtune.steps.live.certificate import frequency_error
 from femtune.steps.live.drawing import mass_points, translations
-from femtune.steps.live.first import First, FirstModels, TooManyModesError, Work, forces_of
+from femtune.steps.live.first import First, FirstModels, TooManyModesError, Work, forces_of, modes_up_to_lines
 from femtune.steps.live.frfs import ComparedFunctions, compared_functions
 from femtune.steps.live.of_case import LiveOfCase
 from femtune.steps.live.points import Points
@@ -103,11 +103,14 @@ class Making:
             if name not in self.known:
                 case = next(c for c in (self.found.study or self.study).cases if c.name == name)
                 self.functions[name] = compared_functions(self.study, case, state, x)
+                carried = sp.csc_array(translations(mass_points(case, whole=False), case).T)
                 try:
-                    self.known[name] = self.first.of(state, configured, count, self.functions[name][0], self.points)
+                    self.known[name] = self.first.of(
+                        state, configured, count, self.functions[name][0], self.points, carried
+                    )
                 except TooManyModesError as error:
                     self.functions[name] = (), str(error)
-                    self.known[name] = self.first.of(state, configured, count, self.functions[name][0], self.points)
+                    self.known[name] = self.first.of(state, configured, count, (), self.points, carried)
             return self._made(state, self.known[name], groups, x, count, f"live/{number + 1}", arrays)
         except FemtuneError as error:
             return f"the model cannot be solved at all values of the parameters: {error.what}"
@@ -118,22 +121,22 @@ class Making:
         self, state: CaseState, first: First, groups: Sequence[Separated], x: Reals, count: int, prefix: str,
         arrays: dict[str, NDArray],
     ) -> LiveConfiguration | str:  # fmt: skip
-        snapshots = (
-            [] if is_whole(first.model)
-            else [*self.points.in_region(_REGION_SNAPSHOTS, 1), *self.points.in_ranges(_BOUNDS_SNAPSHOTS, 1)]
-        )  # fmt: skip
+        whole = is_whole(first.model)
+        near = [*self.points.in_region(0 if whole else _REGION_SNAPSHOTS, 1)]
+        far = [*self.points.in_ranges(0 if whole else _BOUNDS_SNAPSHOTS, 1)]
         case = next(c for c in (self.found.study or self.study).cases if c.name == state.case.name)
-        points, parts = mass_points(case, first), []
-        if points and not is_whole(first.model):
+        points, parts = mass_points(case, whole and first.basis is None), []
+        if points and not whole:
             parts.append(sp.csc_array(translations(points, case).T))
         if (driven := forces_of(self.functions[case.name][0])) is not None:
             parts.append(driven)
         with_mass = wants_reduced_mass(self.study, state, first)
-        if with_mass and not is_whole(first.model):
+        if with_mass and not whole:
             parts.append(sp.csc_array(sp.csr_array(state.case.on_full_model.sensors).T))
         forces = first.seen(sp.csc_array(sp.hstack(parts, format="csc")) if parts else None)
         most = min(MOST_ORDER, first.model.order)
-        basis = second_basis(first.model, x, snapshots, count + _ABOVE, most, forces)
+        up_to_lines = modes_up_to_lines(first.model, x, self.functions[case.name][0])
+        basis = second_basis(first.model, x, far, count + _ABOVE, most, forces, near, up_to_lines)
         vectors, model = self._smallest(first, basis, groups, x, count)
         if not model.terms:
             return f"no parameter changes stiffness or mass ({state.case.name})"
@@ -144,27 +147,32 @@ class Making:
     def _smallest(
         self, first: First, basis: SecondBasis, groups: Sequence[Separated], x: Reals, count: int
     ) -> tuple[Reals, LiveModel]:
-        """The live model of the lowest order whose errors at some points are small enough, else of the largest one."""
+        """The live model of the lowest order whose errors at some points are small enough, else that of the smallest
+        errors."""
         most = basis.vectors.shape[1]
         tried = [(_REGION_TARGET, self.points.in_region(6, 4)), (_BOUNDS_TARGET, self.points.in_ranges(8, 4))]
-        whole = is_whole(first.model)
+        whole, states = is_whole(first.model), max(1, len(self.result.after.states))
         some = [] if whole else [(target, p) for target, points in tried for p in points]
-        known = [(target, p, _solved_first(first.model, p, count)) for target, p in some]
-        order, last = float(most if whole else min(basis.count + 8, most)), None
+        wanted = [(t, p, full) for t, p in some if (full := _solved_first(first.model, p, count)) is not None]
+        order, best = float(most if whole else min(basis.count + 8, most)), None
         while True:
             vectors = basis.leading(round(order))
-            model = live_model(first.model, vectors, groups, x, count, box=self.box)
-            room = sum(t.triangle.nbytes for t in model.terms) <= MOST_BYTES // max(1, len(self.result.after.states))
-            if not room and last is not None:
-                return last
-            last = vectors, model
-            live = [solved(model, p) for _, p, full in known if full is not None]
-            wanted = [(target, full) for target, _, full in known if full is not None]
-            if all(m is not None and frequency_error(m.eigenvalues, full) <= t for m, (t, full) in zip(live, wanted)):
-                return last
-            if round(order) >= most:
-                return last
+            model = live_model(first.model, vectors, groups, x, count, EXACT_BYTES // states, box=self.box)
+            if best is not None and sum(t.triangle.nbytes for t in model.terms) > MOST_BYTES // states:
+                return best[1:]
+            worst = max((_error(model, p, full) / t for t, p, full in wanted), default=0.0)
+            # a larger model that no longer fits in single precision may be the less accurate one
+            if best is None or worst < best[0]:
+                best = worst, vectors, model
+            if worst <= 1.0 or round(order) >= most:
+                return best[1:]
             order = min(order * _ORDERS, float(most))
+
+
+def _error(model: LiveModel, x: Reals, full: Reals) -> float:
+    """Relative error of a frequency beside the eigenvalues of the first model; infinite without modes."""
+    modes = solved(model, x)
+    return np.inf if modes is None else frequency_error(modes.eigenvalues, full)
 
 
 def _solved_first(model: ReducedModel, x: Reals, count: int) -> Reals | None:

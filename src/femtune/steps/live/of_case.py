@@ -13,7 +13,7 @@ from femtune.model.live import LivePorts
 from femtune.model.live.matrices import solved
 from femtune.steps.live.certificate import CertifiedLive, elastic_groups
 from femtune.steps.live.comparisons import MOST_PERCENT, certificates, too_inaccurate
-from femtune.steps.live.drawing import drawing, mass_rows, no_masses
+from femtune.steps.live.drawing import NO_POINTS, drawing, mass_rows
 from femtune.steps.live.mass import page_mass
 from femtune.steps.live.record import (
     LiveCheck,
@@ -106,7 +106,7 @@ class LiveOfCase:
             sensors_key=f"{prefix}/sensors", test_shapes_key=f"{prefix}/test_shapes",
             sensor_labels=tuple(map(str, test.dofs)),
             mass_points=tuple(f"grid {n}" for n in self.carriers),
-            mass_reason=no_masses(self.carriers, self.first),
+            mass_reason="" if self.carriers else NO_POINTS,
             test_labels=tuple(test.labels),
             test_freq_hz=tuple(map(float, test.freq_hz)),
             pairs=tuple(

@@ -80,13 +80,14 @@ def _certificate(found: LiveResults) -> Table:
         "Largest differences between the live model and another one at points where both were solved, with the numbers "
         "as they are stored in this page. The points of the ranges are random points and corners. χ² is the sum that "
         "the page computes itself; a χ² below 1 counts as 1. Modes closer than 0.1 % in frequency are compared as one "
-        "subspace. When it is opened, the page first solves points whose frequencies are stored; if it finds others, "
-        "it says so and shows none."
+        "subspace. When the page is opened, it first solves points whose frequencies are stored. If it finds other "
+        "values, it says so and shows no live model."
     )
     if functions:
         note += (
-            " χ² is that of the modes. FRFs are always compared with the full model, at some of the points: root of "
-            "the sum of squares of the differences over the lines, relative to that of the function."
+            " χ² in this table is that of the modes alone. FRFs are always compared with the full model, at some of "
+            "the points: root of the sum of squares of the differences over the lines, relative to that of the "
+            "function."
         )
     return Table("Errors of the live model", heads, rows, note)
 
@@ -140,7 +141,7 @@ def _remarks(found: LiveResults) -> list[Block]:
             f"{counted(worst.points, 'point')} of both ranges."
         )
     if found.solutions:
-        out.append(f"It took {counted(found.solutions, 'more solution')} of the full model.")
+        out.append(f"The live model took {counted(found.solutions, 'more solution')} of the full model.")
     return [Paragraph(" ".join(out), "muted")]
 
 

@@ -299,7 +299,7 @@ class LiveConfiguration(Record):
     """Key of the motion of the sensors (sensors, order)."""
     mass_points: tuple[str, ...] = ()
     """Points of sensors at which a mass can be added, "grid 101": all where the live model has all degrees of freedom
-    of the model, some where it was made of the full matrices, none where it was made of a reduced model."""
+    of the model, else some."""
     mass_reason: str = ""
     """Why no mass can be added; "" where one can, and in older results."""
     mass_rows_key: str | None = None

@@ -251,9 +251,9 @@ def _pole_lines(plan: PlanResults) -> list[Block]:
         for one in of.spacings
     ]  # fmt: skip
     note = (
-        "Standard deviation of the poles of the target modes, over their half bandwidth 2ζω, that noise of "
+        "Standard deviation of the poles of the target modes relative to their half bandwidth 2ζω, caused by noise of "
         f"{short(100.0 * of.relative_sd)} % of each value and {short(100.0 * of.floor)} % of the largest one of its "
-        "FRF makes; — : some pole is not determined."
+        "FRF. —: some pole is not determined."
     )
     return [Table(f"{counted(of.lines, 'line')} for an identification", heads, tuple(rows), note)]
 

@@ -65,7 +65,7 @@ STEP = Step(
             "posterior.page:posterior",
             intro=(
                 "Samples of the parameters, each weighted by how well the model explains the data there. The size of "
-                "the errors is learned from the data where they tell it."
+                "the errors is learned from the data where they determine it."
             ),
             optional=True,
             place=155,

@@ -114,7 +114,7 @@ class _Search:
                 break
             there = self._better(here, likely, start)
             if there is None:
-                settled = "no more probable model was found on the way to the changes that the data want"
+                settled = "no more probable model was found in the direction of the most probable changes"
                 break
             missed = there.known.residuals - (
                 here.known.residuals + np.asarray(here.known.jacobian) @ (there.known.x - here.known.x)
@@ -127,7 +127,7 @@ class _Search:
             if small:
                 break
         else:
-            settled = f"the changes that the data want still moved after {_MOST_ROUNDS} linearisations"
+            settled = f"the most probable changes did not converge within {_MOST_ROUNDS} linearisations"
         errors = replace(changes.about(here.at, apart), not_settled=settled)
         return (self.solving if here is first else self._shifted(here)), errors
 

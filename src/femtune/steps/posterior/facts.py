@@ -264,8 +264,9 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
         )
     else:
         yield (
-            "The intervals of linearised residuals would have done, with the same size of the errors: no median is "
-            f"shifted by more than {_SHIFT} standard deviations, no end of an interval by more than {_END_SHIFT}."
+            "The intervals of linearised residuals are accurate enough here, with the same size of the errors: no "
+            f"median differs by more than {_SHIFT} standard deviations, and no end of an interval by more than "
+            f"{_END_SHIFT}."
         )
     for level in record.noise_levels:
         if level.interval_95 is not None:
@@ -283,7 +284,7 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
         )
     blind = [p.parameter for p in record.parameters if p.of_bounds]
     if blind:
-        yield f"The data tell nothing of {listed(blind)}: the distribution is as wide as before the test."
+        yield f"The data contain no information about {listed(blind)}: the distribution is as wide as before the test."
     if record.bent:
         pairs = [f"{b.first} and {b.second}" for b in record.bent[:3]]
         yield f"Their joint distribution is bent: {listed(pairs)}."
@@ -327,7 +328,7 @@ def _of_model(record: PosteriorResults) -> Iterator[str]:
     if record.wanted:
         first = record.wanted[0]
         yield (
-            f"Of what no parameter represents, the data want a change of {first.what} most: "
+            f"Among the properties that are no parameters, the most probable change is that of {first.what}: "
             f"{first.change_percent:+.2g} % ({first.of})."
         )
 

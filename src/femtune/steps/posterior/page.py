@@ -86,7 +86,8 @@ def parameter_table(record: PosteriorResults) -> Table:
     )  # fmt: skip
     note = ("Data alone: without errors of the model. " if with_errors else "") + (
         "Linear: with linearised residuals, the same prior and the same rule for the size of the errors. Update: the "
-        "interval of the update, with its standard deviations. The last column is one where the data tell nothing."
+        "interval of the update, with its standard deviations. The last column is 1 where the data contain no "
+        "information."
     )
     if len(record.parameters) > _MOST_LISTED:
         note += f" And {counted(len(record.parameters) - _MOST_LISTED, 'more parameter')} in the results."
@@ -191,8 +192,8 @@ def _pictures(source: ReportSource, record: PosteriorResults) -> list[Block]:
     intervals = [by_name[n].interval_95 for n in names]
     draw = partial(marginals_svg, names, samples, weights, linear, [by_name[n].value for n in names], intervals)
     caption = (
-        "Distribution of the parameters: filled the samples, line those of linearised residuals; the vertical line is "
-        "the result of the update, shaded the 95 % interval."
+        "Distribution of the parameters. Filled: the samples. Line: samples of linearised residuals. Vertical line: "
+        "the result of the update. Shaded: the 95 % interval."
     )
     alt = "; ".join(f"{n} {value(by_name[n].median)} ± {short(by_name[n].sd)}" for n in names)
     out: list[Block] = [Figure(draw, caption, f"{caption} {alt}", wide=True)]

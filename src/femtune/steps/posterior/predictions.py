@@ -259,7 +259,7 @@ class Predicting:
             )
             return SampledPredictions(asked=len(solved), failed=failed, remarks=tuple(remarks))
         if any(c.name == SUPPORTS for c in self.errors.classes):
-            remarks.append("In the predictions the supports are those of the deck; that some give way is not in them.")
+            remarks.append("The predictions use the supports of the deck; their possible compliance is not included.")
         found, functions, lost = self._records(cases, good, arrays)
         frequencies = tuple(one.record for one in found)
         chance = self._chance([one for one in found if one.record.measured_hz is not None and not one.record.used])

@@ -183,7 +183,7 @@ def frequency_table(selection: SelectionResults, names: Sequence[str]) -> Table:
         for s in selection.sensitivities
     ]
     title = "Change of the model's frequencies in % for a change of 1 % of the initial value of the parameter"
-    note = "If the initial value is zero, as of an amplitude: for 1 % of the width of the bounds."
+    note = "If the initial value is zero (an amplitude, for example), the change is 1 % of the width of the bounds."
     return Table(title, heads, tuple(rows), note)
 
 

@@ -22,7 +22,7 @@ def write_back(source: ReportSource) -> list[Block]:
     record = source.results.write_back
     no_deck = [a.sentence for a in source.results.alerts if a.code == "write.no-deck"]
     if record is None and no_deck:
-        return [Paragraph(f"Not written: {no_deck[0]}; the updated values are in the section on the parameters.")]
+        return [Paragraph(f"{no_deck[0][0].upper()}{no_deck[0][1:]}.")]
     if record is None:
         return [Paragraph("No updated deck was written.")]
     heads = columns("Card", "Field", "File and line", "Old text", "New text", ">Value", ">As written", "Parameter")

@@ -69,7 +69,9 @@ def _span(ends: tuple[float, float]) -> str:
 
 
 def _configurations(source: ReportSource) -> Block:
-    heads = columns("Configuration", "Test file", ">Sensors matched", ">Not matched", ">Pairs", ">Left out", "Overlay")
+    heads = columns(
+        "Configuration", "Test file", ">Sensors matched", ">Not matched", ">Pairs", ">Left out", "Changes to the deck"
+    )
     return Table("Configurations", heads, tuple(_configuration(source, c) for c in source.results.study.configurations))
 
 

@@ -75,7 +75,7 @@ def blocks_of(found: MissingResults, arrays: Mapping[str, NDArray]) -> Iterable[
     refitted = [f for f in found.fields if f.refit is not None] or found.fields[:_MOST_LINES]
     lines = "\n\n".join(f.lines for f in refitted if f.lines)
     if lines and found.p_value < RESERVED:
-        yield Details("Lines for the study that make these fields parameters; take one, and run again", lines)
+        yield Details("Lines for the study that make these fields parameters: add one of them and run again", lines)
 
 
 _CAPTION = (
@@ -86,7 +86,7 @@ _CAPTION = (
 
 def _sentence(found: MissingResults) -> str:
     tested = (
-        f"{counted(found.tested, 'candidate')} were tested: fields of the deck, their parts, masses it lacks, supports"
+        f"{counted(found.tested, 'candidate')} were tested: fields of the deck, their parts, missing masses, supports"
     )
     unseen = f"; {found.invisible} more have no effect that the parameters do not represent" if found.invisible else ""
     left = f"; {found.left_out} were left out because there are too many" if found.left_out else ""

@@ -24,8 +24,9 @@ _NOTE = (
 )
 _NEIGHBOURS_NOTE = (
     "The difference between the test shape and its model shape is split into its part in the shapes of the "
-    "neighbouring model modes and the rest. Noise gives both alike, whatever its size. A larger part is an error of "
-    "the model, or of the test: modes that its identification did not separate, a wrong gain or position of a sensor."
+    "neighbouring model modes and the rest. Noise contributes equally to both, whatever its size. A larger part is an "
+    "error of the model, or of the test: modes that its identification did not separate, a wrong gain or position of a "
+    "sensor."
 )
 _KINDS_NOTE = (
     "The last column is the factor on the stated standard deviation with which errors count in the intervals of the "

@@ -250,8 +250,8 @@ _FREE = (
 
 MESH_HEADS = ("Mesh error %", "Converged mesh Hz")
 MESH_NOTE = (
-    "Mesh error: estimated error of the frequency because the elements are not infinitely small; "
-    "the frequency of a converged mesh is what remains without it."
+    "Mesh error: estimated error of the frequency due to the finite size of the elements. Converged mesh: the "
+    "frequency without this error."
 )
 
 

@@ -89,7 +89,7 @@ def _targets(source: ReportSource) -> str:
     if judged is None or judged.acceptance is None or not _last(source):
         return ""
     asked = judged.acceptance
-    named = f"{', '.join(asked.target_modes)}" if asked.target_modes else "none named: all test modes count"
+    named = f"{', '.join(asked.target_modes)}" if asked.target_modes else "none stated: all test modes are target modes"
     paired = [all(any(p.test_label == t for p in c.pairs) for t in asked.target_modes) for c in _last(source)]
     done = f"; all compared in {sum(paired)} of {counted(len(paired), 'configuration')}" if asked.target_modes else ""
     mass = f"a model mode with more than {short(asked.target_mass_percent)} % of the mass must have a partner"
@@ -204,7 +204,7 @@ def _damping_used(source: ReportSource) -> str:
     compared = [c.kind for c in results.update.residual_counts if c.kind in _DAMPED] if results.update else []
     if compared:
         parts += _damping_found(source)
-        parts += ["ratios that the residuals state"] if "frf" in compared else []
+        parts += ["damping ratios stated for the FRF residuals"] if "frf" in compared else []
         return f"in the comparison of kind {listed(dict.fromkeys(compared))}: {'; '.join(parts) or 'none in the deck'}"
     undamped = f"none: undamped modes are compared{f' (the deck has {used})' if used else ''}"
     computed = dict.fromkeys(r.frfs.damping for r in results.responses if r.frfs is not None)

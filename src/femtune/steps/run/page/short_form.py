@@ -162,7 +162,8 @@ def _parameters(source: ReportSource) -> list[Block]:
                 )
             )
     more = len(facts) - _MOST_PARAMETERS
-    note = f"and {counted(more, 'more parameter')} in the HTML report" if more > 0 else ""
+    others = f"And {counted(more, 'more parameter')} in the HTML report. " if more > 0 else ""
+    note = f"{others}{_PRIOR_NOTE}"
     return [
         Table("", heads, tuple(rows), note),
         *interval_remarks(update.parameters),
@@ -170,6 +171,9 @@ def _parameters(source: ReportSource) -> list[Block]:
         *physical_values(update.parameters, _MOST_PARAMETERS),
         *derived_quantities(update.derived),
     ]
+
+
+_PRIOR_NOTE = "Without a stated prior, the prior σ is the width of the bounds divided by √12."
 
 
 def _remark(fact: ParameterFacts, reason: str) -> Cell:
@@ -188,7 +192,7 @@ def undetermined(source: ReportSource) -> list[Block]:
     known: list[Block] = [] if fisher is None else [Listing(fisher.sentences)]
     known += [Paragraph(s.sentence) for s in selection.smoothness if s.sentence]
     if not combinations:
-        return [Paragraph(f"The data leave no combination of parameters undetermined{tail}."), *known]
+        return [Paragraph(f"The data determine all combinations of the parameters{tail}."), *known]
     lines = _some([c.sentence for c in combinations], "combination")
     return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines)), *known]
 

@@ -95,8 +95,8 @@ def sampled_remarks(posterior: PosteriorResults | None) -> list[Block]:
 
 _CAPTION = (
     "Each line runs from the lower to the upper bound. Grey: prior ± one standard deviation about the nominal value. "
-    "Blue: the updated value ± one standard deviation, and thin the 95 % interval. Orange square: at a bound, where no "
-    "standard deviation is given."
+    "Blue: the updated value ± one standard deviation; thin line: the 95 % interval. Orange square: at a bound, where "
+    "no standard deviation is given."
 )
 
 _MOST_FIELDS = 6
