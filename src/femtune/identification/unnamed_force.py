@@ -36,8 +36,12 @@ CLEAR_PEAKS = 1.0
 """Height (natural logarithm) that these have to have, so that a channel without them is told."""
 COHERENT = 0.5
 """Coherence of a force with the other channels, mean over these and median over the lines, at least."""
-_SEGMENTS, _LEAST_SEGMENT, _LARGEST_SEGMENT = 48, 128, 4096
-"""Segments of a record, and their samples at least and at most."""
+_SEGMENTS = 48
+"""Segments of a record that follow each other."""
+_LEAST_SEGMENT = 128
+"""Samples of a segment, at least: with 64, 1 of 240 records without a force was told."""
+_LARGEST_SEGMENT = 4096
+"""Samples of a segment, at most, so that channels and lines fit into the memory."""
 _AROUND = 31
 """Lines around one, over whose median its peak stands."""
 _EMPTY = 1e-3
