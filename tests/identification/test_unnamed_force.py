@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import chirp, lfilter
 from tests.messages.shown import check_shown
 
 from femtune.dofs import Dof
+from femtune.errors import Notice
 from femtune.identification.record_checks import check_record
 from femtune.modal import Channel, TimeSeries, pole_of
 
@@ -73,4 +74,59 @@ def test_ambient_records_with_spikes_and_shocks_have_no_force() -> None:
         pole = np.exp(pole_of(np.array([30.0]), np.array([0.01])) / RATE)[0]
         free = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], shock)
         count += told(0.1 * y + np.outer([1.0, 0.5, -0.7], free))
+    assert count == 0
+
+
+def driven(seed: int, force: np.ndarray, share: float = 0.02) -> np.ndarray:
+    """Four responses (4, samples) of three modes to one force, with noise."""
+    rng = np.random.default_rng([7, seed])
+    freq, ratio = rng.uniform(3.0, 60.0, 3), rng.uniform(0.003, 0.02, 3)
+    hz = np.fft.rfftfreq(2 * len(force), 1.0 / RATE)
+    h = -(hz**2) / (freq[:, None] ** 2 - hz**2 + 2j * ratio[:, None] * freq[:, None] * hz)
+    shapes = rng.uniform(0.3, 1.0, (4, 3)) * rng.choice((-1.0, 1.0), (4, 3))
+    y = np.fft.irfft(shapes @ (h * shapes[:1].T * np.fft.rfft(force, 2 * len(force))))[:, : len(force)]
+    return y + share * y.std(axis=1, keepdims=True) * rng.standard_normal(y.shape)
+
+
+def steady(record: TimeSeries) -> list[Notice]:
+    """Notices of a channel without hits."""
+    return [n for n in check_record(record) if n.code == "record.unnamed-force" and "count" not in n.facts]
+
+
+def responses_of(values: np.ndarray) -> TimeSeries:
+    channels = tuple(Channel(Dof(i + 1, "S"), "acceleration") for i in range(len(values)))
+    return TimeSeries(values, channels, sampling_hz=RATE)
+
+
+@pytest.mark.parametrize("kind", ["random", "sweep", "of a band"])
+def test_the_force_of_a_shaker_is_told_among_responses(kind: str) -> None:
+    for seed in range(4):
+        samples = 20_000
+        force = np.random.default_rng([8, seed]).standard_normal(samples)
+        if kind == "sweep":
+            force = chirp(np.arange(samples) / RATE, 2.0, samples / RATE, 0.45 * RATE)
+        if kind == "of a band":
+            hz = np.fft.rfftfreq(samples, 1.0 / RATE)
+            force = np.fft.irfft(np.fft.rfft(force) * (hz > 2.0) * (hz < 0.35 * RATE))
+        y = driven(seed, force)
+        record = responses_of(np.vstack([y[:2], 30.0 * force, y[2:]]))
+        (said,) = steady(record)
+        assert said.facts["channel"] == "3S+"
+        # without it, and with a force that is named, nothing is told
+        assert steady(responses_of(y)) == []
+        named = replace(record.channels[2], quantity="force", role="input")
+        assert steady(replace(record, channels=(*record.channels[:2], named, *record.channels[3:]))) == []
+    if kind == "random":
+        check_shown("record.unnamed-force, steady", said)
+
+
+@pytest.mark.slow
+def test_ambient_records_have_no_force_of_a_shaker() -> None:
+    """Neither with a channel of noise alone, nor with one that hardly moves at a support."""
+    count = 0
+    for seed in range(40):
+        rng, y = moving(seed, 20_000)
+        count += len(steady(responses_of(y)))
+        count += len(steady(responses_of(np.vstack([y, rng.standard_normal(y.shape[1])]))))
+        count += len(steady(responses_of(np.vstack([y, 0.01 * y[0] + 0.02 * rng.standard_normal(y.shape[1])]))))
     assert count == 0

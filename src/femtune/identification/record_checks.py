@@ -12,7 +12,7 @@ from scipy.special import ndtri
 
 from femtune.arrays import Reals
 from femtune.errors import Notice
-from femtune.identification.unnamed_force import unnamed_force
+from femtune.identification.unnamed_force import steady_force, unnamed_force
 from femtune.modal import TimeSeries
 
 DEAD = 1e-3
@@ -101,6 +101,8 @@ def _checks(record: TimeSeries) -> Iterator[Notice]:
     looks = unnamed_force(replace(record, values=_filled(record)), ~dead)
     if looks is not None:
         yield Notice("record.unnamed-force", channel=str(record.channels[looks[0]]), count=looks[1])
+    elif (steady := steady_force(replace(record, values=filled), ~dead)) is not None:
+        yield Notice("record.unnamed-force/steady", channel=str(record.channels[steady]))
     still = _still_at_end(values)
     if still > CUT * record.samples and not dead.all():
         first = record.time_s[record.samples - still - 1]

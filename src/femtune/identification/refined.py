@@ -59,8 +59,8 @@ MOST_TOGETHER = 4
 MOST_CHANNELS = 8
 """Channels from which only their mixtures are used in which modes move, around a group; with more mixtures no mode of
 it is divided."""
-MOST_VALUES = 2e7
-"""Derivatives of the spectra of all lines up to which all modes are fitted together; these have 0.2 GB."""
+MOST_VALUES = 1e7
+"""Derivatives of the spectra of all lines up to which all modes are fitted together; these have 0.1 GB."""
 BESIDE = (1.15, 0.85)
 """Where a mode outside the band is looked for, over the last and the first line."""
 BESIDE_RATIO = 0.05
@@ -104,7 +104,7 @@ LEAST_APART = 0.05
 """Their distance in half bandwidths, where they have one shape."""
 CONTRADICTS = 2.6
 """Standard deviations of the difference to the method before, above which a mode stays as it was: 1 % by chance."""
-LEAST_DIFFERENCE = 0.25
+LEAST_DIFFERENCE = 0.5
 """Variance of that difference over that of the method before, at least: both variances are estimates."""
 DAMPING = 5.0
 """Ratio of the damping ratios of a mode before and after, beyond which it is another mode."""

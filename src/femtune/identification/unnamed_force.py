@@ -1,14 +1,19 @@
-"""A channel that is taken as a response and looks like the force of a hammer.
+"""A channel that is taken as a response and looks like a force.
 
 A hammer pushes: its pulses have one sign, they are short, and the structure moves after each of them. A response swings
-to both sides, and after a spike of a cable nothing else moves.
+to both sides, and after a spike of a cable nothing else moves. The force of a shaker is coherent with all channels and
+has no peaks where they resonate, as has the motion of a base that is shaken.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator
+from functools import reduce
 
-from femtune.arrays import Flags, Reals
+import numpy as np
+from scipy.ndimage import median_filter
+
+from femtune.arrays import Complexes, Flags, Reals
 from femtune.identification.hammer import hit_spans, is_impulsive
 from femtune.modal import Channel, TimeSeries
 
@@ -24,6 +29,25 @@ _ASIDE = 8
 """Samples beside the first one of a hit that are not counted, where a pulse reaches other channels through cables."""
 _LEAST_SAMPLES = 16
 """Samples after and before a hit, at least."""
+PEAKS = 0.2
+"""Height of the peaks of the spectrum of a force, relative to those of the other channels at the same lines, both as
+logarithms. In simulated records random forces and sweeps have at most 0.11, responses at least 0.32."""
+CLEAR_PEAKS = 1.0
+"""Height (natural logarithm) that these have to have, so that a channel without them is told."""
+COHERENT = 0.5
+"""Coherence of a force with the other channels, mean over these and median over the lines, at least."""
+_SEGMENTS = 48
+"""Segments of a record that follow each other."""
+_LEAST_SEGMENT = 128
+"""Samples of a segment, at least: with 64, 1 of 240 records without a force was told."""
+_LARGEST_SEGMENT = 4096
+"""Samples of a segment, at most, so that channels and lines fit into the memory."""
+_AROUND = 31
+"""Lines around one, over whose median its peak stands."""
+_EMPTY = 1e-3
+"""Power beside that of the strongest lines, below which a force has nothing in a line."""
+_LEAST_LINES = 20
+"""Lines with something in them, at least."""
 
 
 def unnamed_force(record: TimeSeries, alive: Flags) -> tuple[int, int] | None:
@@ -50,6 +74,53 @@ def unnamed_force(record: TimeSeries, alive: Flags) -> tuple[int, int] | None:
         if len(rises) and rises.min() >= (LEAST_RISE if len(rises) >= SEVERAL else CLEAR_RISE):
             return i, len(rises)
     return None
+
+
+def steady_force(record: TimeSeries, alive: Flags) -> int | None:
+    """Position of a response that looks like the force of a shaker or the motion of a base, or None.
+
+    Parameters
+    ----------
+    record : without lost samples
+    alive : (channels,) the channels that move
+    """
+    size = min(2 ** int(np.log2(max(record.samples / _SEGMENTS, 1.0))), _LARGEST_SEGMENT)
+    moving = np.flatnonzero(alive)
+    if record.positions("input") or len(moving) < 2 or size < _LEAST_SEGMENT:
+        return None
+    values = record.values[moving] / record.values[moving].std(axis=1, keepdims=True)
+    power = reduce(np.add, (np.abs(part) ** 2 for part in _transforms(values, size)))
+    logs = np.log(np.maximum(power, np.finfo(float).tiny))
+    found: list[tuple[float, int]] = []
+    for i in range(len(moving)):
+        filled = power[i] > _EMPTY * np.median(np.sort(power[i])[-len(power[i]) // 4 :])
+        if filled.sum() < _LEAST_LINES:
+            continue
+        others = np.delete(np.arange(len(moving)), i)
+        own, rest = _over_median(logs[i])[filled], _over_median(logs[others].mean(axis=0))[filled]
+        at_peaks = rest > np.quantile(rest, 0.9)
+        height = float(np.median(rest[at_peaks]))
+        ratio = float(np.median(own[at_peaks])) / max(height, CLEAR_PEAKS)
+        if height < CLEAR_PEAKS or ratio > PEAKS:
+            continue
+        cross = reduce(np.add, (part[i] * part[others].conj() for part in _transforms(values, size)))
+        coherence = np.abs(cross) ** 2 / np.maximum(power[i] * power[others], np.finfo(float).tiny)
+        if np.median(coherence.mean(axis=0)[filled]) >= COHERENT:
+            found.append((ratio, int(moving[i])))
+    return min(found)[1] if found else None
+
+
+def _transforms(values: Reals, size: int) -> Iterator[Complexes]:
+    """(n, lines) of segments that overlap by half, without the first lines and the last tenth."""
+    window = np.hanning(size)
+    for begin in range(0, values.shape[1] - size + 1, size // 2):
+        part = values[:, begin : begin + size]
+        whole = np.fft.rfft((part - part.mean(axis=1, keepdims=True)) * window, axis=1)
+        yield whole[:, 2 : int(0.9 * whole.shape[1])]
+
+
+def _over_median(logs: Reals) -> Reals:
+    return np.asarray(logs - median_filter(logs, _AROUND))
 
 
 def _rises(y: Reals, hits: list[tuple[int, int, bool]]) -> Reals:
