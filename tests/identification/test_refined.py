@@ -166,6 +166,19 @@ def test_a_close_pair_with_large_damping_is_divided() -> None:
     assert np.all(np.abs(modes.damping_ratio - ratio) < 3.0 * modes.damping_sd)
 
 
+@pytest.mark.slow
+def test_a_channel_that_is_not_connected_changes_nothing() -> None:
+    """Rounding errors of a constant are no channel with little noise."""
+    measured = record(FREQ, RATIO, 0)
+    constant = np.vstack([measured.values, np.full(measured.samples, 3.0)])
+    channels = [*measured.channels, Channel(Dof(5, "Z"), "acceleration")]
+    _, alone = both(measured)
+    _, beside = both(TimeSeries(constant, channels, sampling_hz=RATE))
+    assert len(alone.positions) == 3
+    assert beside.positions == alone.positions
+    assert beside.modes.modes.damping_ratio == pytest.approx(alone.modes.modes.damping_ratio, rel=1e-6)
+
+
 def test_methods_without_poles_and_short_records_are_left() -> None:
     measured = record(FREQ, RATIO, 0, seconds=40.0)
     asked = Operational(BAND, 20)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter
 from tests.messages.shown import check_shown
 
+from femtune import identify
 from femtune.dofs import Dof
 from femtune.errors import Notice
 from femtune.identification.record_checks import check_record
@@ -130,3 +132,14 @@ def test_ambient_records_have_no_force_of_a_shaker() -> None:
         count += len(steady(responses_of(np.vstack([y, rng.standard_normal(y.shape[1])]))))
         count += len(steady(responses_of(np.vstack([y, 0.01 * y[0] + 0.02 * rng.standard_normal(y.shape[1])]))))
     assert count == 0
+
+
+@pytest.mark.slow
+def test_a_force_among_responses_is_not_told_as_late(tmp_path: Path) -> None:
+    """It has other phases than a response in each mode."""
+    force = np.random.default_rng(3).standard_normal(60_000)
+    np.save(tmp_path / "record.npy", np.vstack([driven(1, force), force]).T)
+    made = identify(tmp_path / "record.npy", output=tmp_path / "out", sampling_hz=RATE, band_hz=[2.0, 70.0])
+    told = [alert.code for alert in made.record.alerts]
+    assert "record.unnamed-force" in told
+    assert not {"identify.late-channel", "identify.quadrature"} & set(told)

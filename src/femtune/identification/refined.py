@@ -46,6 +46,8 @@ TOGETHER = 3.0
 """Distance of modes of one group over the sum of their half bandwidths at most."""
 MOST_DIVIDED = 3
 """Modes that are divided at most."""
+DEAD = 1e-10
+"""Level of a channel beside the largest one, up to which it has rounding errors alone: what is left of a constant."""
 TAPERED = 0.02
 """Part of the record in which it begins and ends smoothly."""
 HALF_FILTER = 16
@@ -191,7 +193,8 @@ def refined(
     ratio = table.damping_ratio[at]
     if not np.all(ratio > 0.0):
         return RefinedModes(found)
-    rows = np.flatnonzero(record.values.std(axis=1) > 0.0)
+    level = record.values.std(axis=1)
+    rows = np.flatnonzero(level > DEAD * level.max())
     powers = np.array([DERIVATIVES.get(c.quantity, DERIVATIVES["acceleration"]) for c in record.channels], float)[rows]
     data = _data(record, rows, lines, gone, asked.band_hz, table.poles[at], powers)
     if data is None:

@@ -31,9 +31,11 @@ _LEAST_SAMPLES = 16
 """Samples after and before a hit, at least."""
 PEAKS = 0.2
 """Height of the peaks of the spectrum of a force, relative to those of the other channels at the same lines, both as
-logarithms. In simulated records random forces and sweeps have at most 0.11, responses at least 0.32."""
+logarithms. In simulated records random forces and sweeps have 0.1, responses 0.3 and more."""
 CLEAR_PEAKS = 1.0
-"""Height (natural logarithm) that these have to have, so that a channel without them is told."""
+"""Height (natural logarithm) from which a line of the other channels is one of a peak."""
+_LEAST_PEAKS = 4
+"""Lines of peaks, at least."""
 COHERENT = 0.5
 """Coherence of a force with the other channels, mean over these and median over the lines, at least."""
 _SEGMENTS = 48
@@ -98,10 +100,11 @@ def steady_force(record: TimeSeries, alive: Flags) -> int | None:
             continue
         others = np.delete(np.arange(len(moving)), i)
         own, rest = _over_median(logs[i])[filled], _over_median(logs[others].mean(axis=0))[filled]
-        at_peaks = rest > np.quantile(rest, 0.9)
-        height = float(np.median(rest[at_peaks]))
-        ratio = float(np.median(own[at_peaks])) / max(height, CLEAR_PEAKS)
-        if height < CLEAR_PEAKS or ratio > PEAKS:
+        at_peaks = rest > CLEAR_PEAKS
+        if at_peaks.sum() < _LEAST_PEAKS:
+            continue
+        ratio = float(np.median(own[at_peaks]) / np.median(rest[at_peaks]))
+        if ratio > PEAKS:
             continue
         cross = reduce(np.add, (part[i] * part[others].conj() for part in _transforms(values, size)))
         coherence = np.abs(cross) ** 2 / np.maximum(power[i] * power[others], np.finfo(float).tiny)

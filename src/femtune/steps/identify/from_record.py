@@ -34,9 +34,10 @@ from femtune.identification.operational import (
     prepared,
     segment_of,
 )
-from femtune.identification.record_checks import level_ratios
+from femtune.identification.record_checks import dead_channels, level_ratios
 from femtune.identification.refined import refined
 from femtune.identification.ssi import supported_order
+from femtune.identification.unnamed_force import steady_force
 from femtune.modal.shape_criteria import mac
 from femtune.steps.identify.choices import picked_poles
 from femtune.steps.identify.identified import MOST_SINGULAR, Curve, Found
@@ -176,7 +177,8 @@ def found_from_record(parts: Sequence[TimeSeries], file: IdentifyFile, progress:
         found = Found(first.modes, first.collinearity, first.table, first.candidates, {}, curve, lines=lines)
         raise NothingFound(error, found) from error
     labels = identified.modes.dofs.labels()
-    phases = next((n for one in several.values() if (n := _phase_notices(one, labels, 1.0 / measured.even_hz))), ())
+    force, step_s = steady_force(measured, ~dead_channels(measured)), 1.0 / measured.even_hz
+    phases = next((n for one in several.values() if (n := _phase_notices(one, labels, step_s, force))), ())
     identified = _unscaled(_judged(identified, measured), measured, levels)
     stated = _order_notices(several, asked) if len(pieces) == 1 else ()
     notices = (*short, *removed, *line_notices(lines), *phases, *stated, *by_likelihood, *identified.notices)
@@ -247,11 +249,12 @@ def _curve(ready: TimeSeries, asked: Operational) -> Curve:
     return Curve(spectra.freq_hz[inside], levels[0], words, levels, power / power.max())
 
 
-def _phase_notices(found: OperationalModes, labels: list[str], step_s: float) -> tuple[Notice, ...]:
-    """Channels that are late, else those in quadrature."""
-    shapes = found.complex_shapes
-    late = late_notices(shapes, found.modes.freq_hz, labels, step_s, counted=True)
-    return late or quadrature_notices(shapes, labels)
+def _phase_notices(found: OperationalModes, labels: list[str], step_s: float, force: int | None) -> tuple[Notice, ...]:
+    """Channels that are late, else those in quadrature; not one that looks like a force, which has other phases."""
+    rows = [i for i in range(len(labels)) if i != force]
+    shapes, names = found.complex_shapes[rows], [labels[i] for i in rows]
+    late = late_notices(shapes, found.modes.freq_hz, names, step_s, counted=True)
+    return late or quadrature_notices(shapes, names)
 
 
 def _order_notices(several: dict[tuple[str, int], OperationalModes], asked: Operational) -> tuple[Notice, ...]:

@@ -103,6 +103,7 @@ def _basis(made: IdentifyResult) -> Iterator[Block]:
     ratios = [100.0 * m.damping_ratio for m in modes if m.damping_ratio is not None]
     doubtful = [m.label for m in modes if m.doubtful]
     poor = record.largest_misfit_percent
+    one_level = "no measured force" if poor is None else "one level of the force"
     lines = (
         ("Measurement", ", ".join(dict.fromkeys(one.path for one in (*record.inputs, record.source)))),
         ("Sampling", "; ".join(a.sentence for a in record.alerts if a.code == "record.clock")),
@@ -111,10 +112,10 @@ def _basis(made: IdentifyResult) -> Iterator[Block]:
         ("Left out", _left_out(record)),
         ("Damping measured", f"{percent(min(ratios))} to {percent(max(ratios))} % of critical" if ratios else ""),
         ("Sensors", f"{counted(len(record.dofs), 'measured DOF')}, shapes {record.normalisation}, {record.units}"),
-        ("Boundary in the test", stated.boundary or "not stated: boundary in [report]"),
-        ("Excitation", stated.excitation or "not stated: excitation in [report]"),
+        ("Boundary in the test", stated.boundary or "not stated; state it with boundary in [report]"),
+        ("Excitation", stated.excitation or "not stated; state it with excitation in [report]"),
         ("Fit", f"poorest function {percent(poor)} %" if poor is not None else "not tested: no measured input"),
-        ("Linearity", record.linearity.sentence if record.linearity else "not tested: one level of the force"),
+        ("Linearity", record.linearity.sentence if record.linearity else f"not tested: {one_level}"),
         ("Standard", stated.standard),
         ("Computed by", f"femtune {record.femtune_version}"),
     )
@@ -503,7 +504,7 @@ def _linearity(made: IdentifyResult) -> Iterator[Block]:
     linearity = made.record.linearity
     if linearity is None and made.found.measured is not None:
         yield Paragraph(
-            "Whether the structure is linear was not tested. That takes measurements at several levels of the force "
+            "Whether the structure is linear was not tested. This requires measurements at several levels of the force "
             "([[level]] in the settings file)."
         )
     if linearity is None:

@@ -130,9 +130,10 @@ def model_error_table(record: PosteriorResults) -> Table:
         for c in record.model_errors
     )  # fmt: skip
     note = (
-        "Unknown changes of what no parameter represents. Their standard deviation follows from the data, relative to "
-        "the usual change of a field: 20 % of a stiffness, 10 % of a mass. Masses that the deck does not have are "
-        "relative to 5 % of the mass of the model, supports to the largest plausible compliance."
+        "Unknown changes of properties, masses and supports that no parameter represents. Their standard deviation "
+        "follows from the data, relative to the usual change of a field: 20 % of a stiffness, 10 % of a mass. Masses "
+        "that the deck does not have are relative to 5 % of the mass of the model, supports to the largest plausible "
+        "compliance."
     )
     return Table("Errors of the model", heads, rows, note)
 

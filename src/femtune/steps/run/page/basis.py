@@ -136,7 +136,7 @@ def _supports(source: ReportSource) -> str:
 
 def _boundary(source: ReportSource) -> str:
     stated = source.results.study.report.boundary
-    return stated or ("not stated: boundary in [report]" if source.results.sensors else "")
+    return stated or ("not stated; state it with boundary in [report]" if source.results.sensors else "")
 
 
 def _mass(source: ReportSource) -> str:
@@ -237,7 +237,9 @@ def _exciters(source: ReportSource) -> str:
     known = _by_configuration(by)
     if stated or known:
         return "; ".join(filter(None, (stated, known)))
-    return "not stated: excitation in [report]; the test has modes alone" if source.results.sensors else ""
+    return (
+        "not stated; state it with excitation in [report]. The test has modes only." if source.results.sensors else ""
+    )
 
 
 def _orthogonality(source: ReportSource) -> str:
