@@ -62,8 +62,9 @@ def test_info_of_a_deck(invoke: Invoke, deck: Path) -> None:
     lines = _lines(invoke("info", deck, env={"COLUMNS": "100"}))
     assert lines[:2] == ["beam.bdf", "Rigid-body check: passed."]
     # 2 m of 0.01 m² of 7800 kg/m³, whose middle is at 1 m
-    assert "Mass               156, not measured" in lines
-    assert "Centre of gravity  1, 0, 0" in lines
+    in_words = [" ".join(line.split()) for line in lines]
+    assert "Mass 156, not measured" in in_words
+    assert "Centre of gravity 1, 0, 0" in in_words
     assert any(line.startswith("PLOTEL      1  beam.bdf:16") for line in lines)
     assert any("PARAM ignored" in line and "POST=-1" in line for line in lines)
     assert any("X Y Z RX RY RZ of 1 point, 4" in line for line in lines)
